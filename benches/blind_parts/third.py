@@ -378,6 +378,6 @@ def outcome(case: ThirdSet, verdict: str, answer: list[list[str]], driver: str) 
     if any(set(hidden.ids) & set(one) for one in named):
         return "right"
     if not named:
-        other = verdict == "family" and driver != hidden.family
+        other = verdict == "family" and hidden.family not in driver.split(" or ")
         return "other family" if other else verdict
     return "wrong name" if all(len(one) == 1 for one in named) else "wrong class"

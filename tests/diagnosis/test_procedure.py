@@ -66,7 +66,7 @@ def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
     assert unsure.verdict == "none"
     assert unsure.ranking[0].id == found.ranking[0].id
     rubbing = campaign("hysteresis", 1.0, 4)
-    assert find_missing(model(), rubbing, stages=blind).verdict == "unknown"
+    assert find_missing(model(), rubbing, stages=blind).verdict == "family"
 
 
 def test_a_setting_decides() -> None:

@@ -62,13 +62,13 @@ def cross(a: F, b: F) -> F:
 
 CATALOGUE = (
     "stress_relaxation", "viscous_damping", "hysteresis", "mullins_softening", "permanent_set",
-    "temperature_modulus", "ageing", "anisotropy", "strain_stiffening", "compressibility",
-    "pretension", "taper", "length_error", "diameter_error", "face_tilt", "pre_curvature",
-    "base_compliance", "platform_slip", "contact_stop", "debonding", "own_weight", "payload",
-    "cable_drag", "tendon_friction", "inertia", "fts_offset", "fts_drift", "fts_thermal_drift",
-    "fts_gain", "fts_crosstalk", "fts_saturation", "fts_hysteresis", "fts_quantisation",
-    "fts_frame", "base_frame_misalignment", "tip_frame_misalignment", "camera_scale",
-    "marker_motion", "time_skew", "led_occlusion", "robot_compliance", "backlash",
+    "temperature_modulus", "thermal_expansion", "ageing", "anisotropy", "strain_stiffening",
+    "compressibility", "pretension", "taper", "length_error", "diameter_error", "face_tilt",
+    "pre_curvature", "base_compliance", "platform_slip", "contact_stop", "debonding", "own_weight",
+    "payload", "cable_drag", "tendon_friction", "inertia", "fts_offset", "fts_drift",
+    "fts_thermal_drift", "fts_gain", "fts_crosstalk", "fts_saturation", "fts_hysteresis",
+    "fts_quantisation", "fts_frame", "base_frame_misalignment", "tip_frame_misalignment",
+    "camera_scale", "marker_motion", "time_skew", "led_occlusion", "robot_compliance", "backlash",
     "joint_offset", "outliers", "heteroscedastic_noise", "pose_noise",
 )  # fmt: skip
 

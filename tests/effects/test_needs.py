@@ -23,6 +23,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "mullins_softening": ("time_s",),
     "permanent_set": ("time_s", "kind"),
     "temperature_modulus": ("temperature_degC",),
+    "thermal_expansion": ("temperature_degC",),
     "ageing": ("time_s",),
     "pretension": ("free_length_m",),
     "platform_slip": ("time_s",),

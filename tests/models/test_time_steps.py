@@ -10,7 +10,13 @@ import pytest
 
 from ecm._native import ModelError
 from ecm.effects import Effect, Rows
-from ecm.effects.ageing import Ageing, MullinsSoftening, PermanentSet, TemperatureModulus
+from ecm.effects.ageing import (
+    Ageing,
+    MullinsSoftening,
+    PermanentSet,
+    TemperatureModulus,
+    ThermalExpansion,
+)
 from ecm.effects.friction import Hysteresis
 from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
@@ -69,6 +75,40 @@ ONE_BY_ONE: list[tuple[Effect, list[float]]] = [
     (Ageing(300.0), [1e-5]),
     (MullinsSoftening(), [0.1]),
 ]
+
+
+def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path) -> None:
+    """To first order: a step shifts the pose, and says by how much that differs."""
+    model = with_effects(
+        plain, (ThermalExpansion(21.0), [3e-4]), (TemperatureModulus(21.0), [3e-3])
+    )
+    controller = model.controller()
+    assert controller.effects.acting == ["thermal_expansion", "temperature_modulus"]
+    assert "thermal_expansion moves the pose" in controller.effects.sentences()[-1]
+    table = recorded(model)
+    controller.init(table.poses[0])
+    kelvin = table.column("temperature_degC")
+    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
+    state = (ctypes.c_double * 49)()
+    assert code.neck_init(state, (ctypes.c_double * 6)(*table.poses[0])) == 1
+    h, k = (ctypes.c_double * 6)(), (ctypes.c_double * 36)()
+    stepped = []
+    for pose, warm in zip(table.poses, kelvin, strict=True):
+        wrench, tangent = controller.step(pose, 0.1, temperature_degC=warm)
+        inputs = (ctypes.c_double * 2)(warm, 0.0)
+        assert code.neck_step(
+            state, (ctypes.c_double * 6)(*pose), ctypes.c_double(0.1), inputs, h, k
+        )
+        np.testing.assert_allclose(np.array(h), wrench, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(np.array(k), tangent.ravel(), rtol=0, atol=1e-4)
+        stepped.append(wrench)
+    with_growth, without = model.predict(table), plain.predict(table)
+    assert np.abs(with_growth - stepped).max() < 0.05 * np.abs(with_growth - without).max()
+    other = with_effects(
+        plain, (ThermalExpansion(21.0), [3e-4]), (TemperatureModulus(23.0), [3e-3])
+    )
+    left_out = other.controller().effects.left_out
+    assert left_out["temperature_modulus"].startswith("another effect has another reference")
 
 
 @pytest.mark.parametrize(

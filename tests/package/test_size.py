@@ -9,16 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_777, 200),
+    "python/ecm": (41_855, 200),
     "benches": (5_911, 51),
     "examples": (1_516, 13),
-    "tests": (31_791, 229),
-    "crates": (34_317, 198),
+    "tests": (31_851, 229),
+    "crates": (34_332, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a richer
-polynomial, drivers that share the weight, a decomposition that gives up, repeats and a length that
-nobody states (python/ecm 84); each with a test (tests 89); what a wrong name says beside itself
-(benches 9)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
+that grows with its temperature, as an effect, in the rig, in a step and in exported C and Rust
+(python/ecm 78, crates 15), each with a test (tests 60)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -31,6 +31,7 @@ fn effects(all: bool) -> Effects<f64> {
     if all {
         effects.softer_per_kelvin = 4e-3;
         effects.reference_degc = 21.0;
+        effects.growth_per_kelvin = 3e-5;
         effects.ageing_per_s = 1e-6;
         effects.settling_per_s = 1e-4;
         effects.damping = [30.0, 0.1];

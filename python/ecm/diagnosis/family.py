@@ -37,7 +37,7 @@ _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
-_MOST_ROWS, _MOST_COLUMNS = 600, 36
+_MOST_ROWS = 600
 _ZERO = 1e-6
 """Coefficient that is zero but for the slack of its bound."""
 _NO_OTHER = 0.95
@@ -56,8 +56,8 @@ class Driver:
     """Effects of the catalogue that it drives."""
     experiment: str
     """Id or action of the experiment that shows its form."""
-    columns: F
-    """(N, m, q) whitened."""
+    forms: tuple[F, ...]
+    """Whitened (N, m, q) processes of it, each as likely."""
     column: str = ""
     """Column of the table that it is; empty where it follows from the order of the rows."""
     history: Mapping[str, tuple[str, F]] = field(default_factory=dict)
@@ -66,21 +66,22 @@ class Driver:
 
 @dataclass(frozen=True)
 class Family:
-    """A known driver of what is missing; its form is not known."""
+    """A known driver of what is missing, or two or three of which one is; the form is not known."""
 
     driver: str
-    column: str
-    """The driver's column; empty where it follows from the order of the rows."""
-    probability: float
-    """That the driver is right."""
+    """In words, the likeliest first; several are joined by "or"."""
+    columns: tuple[str, ...]
+    """Their columns in the table; a driver that follows from the order of the rows has none."""
     draft: str
-    """Python text of an effect of that driver."""
+    """Python text of an effect of the likeliest driver."""
     like: tuple[str, ...]
-    """Effects of the catalogue that follow the same driver, none of which fits."""
+    """Effects of the catalogue that follow the same drivers, none of which fits."""
     experiment: str
     """What to do next, in words."""
     minutes: int
     """Its time at the rig."""
+    probability: float = 0.0
+    """That one of the drivers is right."""
 
     def __str__(self) -> str:
         like = f", as {' and '.join(self.like)} would" if self.like else ""
@@ -108,7 +109,7 @@ class Posterior:
 def find_family(
     problem: Problem, chances: Posterior, classes: Sequence[Sequence[str]]
 ) -> Family | None:
-    """Return the family of what the base leaves; None where none is sure.
+    """Return the family of what the base leaves; None where no three drivers are sure together.
 
     Parameters
     ----------
@@ -117,26 +118,24 @@ def find_family(
     classes
         The class of each of these effects.
     """
-    (best, probability), *_ = [*_by_probability(chances, classes), (None, 0.0)]
-    if best is None or probability < SURE:
+    likeliest = _by_probability(chances, classes)[:MOST_IN_CLASS]
+    fewest = int(np.searchsorted(np.cumsum([p for _, p in likeliest]), SURE)) + 1
+    if fewest > len(likeliest):
         return None
-    experiment = get_experiment(best.experiment)
+    said = [one for one, _ in likeliest[:fewest]]
+    if fewest == 1:
+        said += _in_its_order(problem, said[0], chances.drivers)
+    # Of several, one that a user can set tells them apart: time goes on with all of them.
+    apart = next((one for one in said if one.column not in ("time_s", "row")), said[0])
+    experiment = get_experiment((said[0] if fewest == 1 else apart).experiment)
     return Family(
-        driver=" or ".join([best.name, *_in_its_order(problem, best, chances.drivers)]),
-        column=best.column if problem.table.has(best.column) else "",
-        probability=probability,
-        draft=draft_of(problem, best.column, best.history),
-        like=best.like,
+        driver=" or ".join(one.name for one in said),
+        columns=tuple(one.column for one in said if problem.table.has(one.column)),
+        draft=draft_of(problem, said[0].column, said[0].history),
+        like=tuple(dict.fromkeys(id for one in said[:fewest] for id in one.like)),
         experiment=experiment.action,
         minutes=experiment.minutes,
     )
-
-
-def drivers_that_share(chances: Posterior, classes: Sequence[Sequence[str]]) -> tuple[Driver, ...]:
-    """Return the fewest drivers that are sure together, at most three; none where none are."""
-    best = _by_probability(chances, classes)[:MOST_IN_CLASS]
-    fewest = int(np.searchsorted(np.cumsum([p for _, p in best]), SURE)) + 1
-    return tuple(one for one, _ in best[:fewest]) if fewest <= len(best) else ()
 
 
 def _by_probability(
@@ -153,15 +152,15 @@ def _by_probability(
     return sorted(found, key=lambda item: -item[1])
 
 
-def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> list[str]:
+def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> list[Driver]:
     """Return the drivers whose columns are in the order of that of the best one."""
     table = problem.table
-    has = {one.column: one.name for one in drivers if table.has(one.column)}
-    names = {column: name for column, name in has.items() if column not in TEXT}
-    if names.pop(best.column, None) is None:
+    by_column = {one.column: one for one in drivers if table.has(one.column)}
+    by_column = {column: one for column, one in by_column.items() if column not in TEXT}
+    if by_column.pop(best.column, None) is None:
         return []
     own = _values(table, best.column)
-    return [name for column, name in names.items() if in_one_order(own, _values(table, column))]
+    return [one for column, one in by_column.items() if in_one_order(own, _values(table, column))]
 
 
 def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
@@ -189,14 +188,17 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
 
     drivers = tuple(_drivers(problem))
     nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
-    processes = [*(driver.columns for driver in drivers), _of_pose(problem)]
+    processes = [*(driver.forms for driver in drivers), (_of_pose(problem),)]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
         fit = bounded_estimate(problem, named, named)
         zero = fit.at_bound & (np.abs(fit.theta) < _ZERO)
         within = (fit.columns >= problem.n_base) & ~zero
-        processes.append(problem.design[:, :, fit.columns[within]])
-    logs = [_evidence(beside_base(columns), y, freedom, known) for columns in processes]
+        processes.append((problem.design[:, :, fit.columns[within]],))
+    logs = [
+        _mean_of_logs([_evidence(beside_base(form), y, freedom, known) for form in forms])
+        for forms in processes
+    ]
     gains = np.append(np.array(logs) - nothing, 0.0)
     # A process is no more exact than the form of an effect: what that may lose tells nothing. Nor
     # does what an effect of the model may, beyond which named ones explain.
@@ -217,21 +219,26 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
 def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
     """Return log p(y) of a process of columns (r, q), summed over its sizes."""
     u, d, _ = svd(columns)
-    u, d = u[:, :_MOST_COLUMNS], d[:_MOST_COLUMNS]
     if not d.size or d[0] <= 1e-9:
         return -np.inf
     d = d / np.sqrt((d**2).sum() / y.size)
     gain = (_SIZES[:, None] * d) ** 2
     left = y @ y - (gain / (1.0 + gain)) @ (u.T @ y) ** 2
     log = -0.5 * np.log1p(gain).sum(axis=1) - 0.5 * (known + freedom) * np.log(known + left)
-    return float(np.logaddexp.reduce(log) - np.log(len(_SIZES)))
+    return _mean_of_logs(log)
+
+
+def _mean_of_logs(logs: Sequence[float] | F) -> float:
+    """Return the log of the mean of what these are the logs of."""
+    return float(np.logaddexp.reduce(logs) - np.log(len(logs)))
 
 
 _SLOW = ("ageing", "fts_drift"), "repeat_first_poses", 6
 _COLUMNS = {
     "time_s": ("time", *_SLOW),
     "temperature_degC": (
-        "the temperature of the body", ("temperature_modulus",), "warm_and_cold", 4
+        "the temperature of the body",
+        ("temperature_modulus", "thermal_expansion"), "warm_and_cold", 4,
     ),
     "sensor_temperature_degC": (
         "the temperature of the sensor", ("fts_thermal_drift",), "zero_warm_and_cold", 4
@@ -254,14 +261,15 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
             functions = _cosines(values, count)
-            columns = np.concatenate(
-                [_free(problem, functions), _scaled(problem, functions)], axis=2
+            free = _free(problem, functions)
+            forms = tuple(
+                np.concatenate([free, factor], axis=2) for factor in _factors(problem, functions)
             )
-            yield Driver(words, like, experiment, columns, column)
+            yield Driver(words, like, experiment, forms, column)
     rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
     if np.ptp(rest) > 0.0:
-        columns = _scaled(problem, _cosines(rest, 3))
-        yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", columns, "dwell_s")
+        forms = _factors(problem, _cosines(rest, 3))
+        yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", forms, "dwell_s")
     if table.has("time_s") or table.has("approach"):
         yield from _of_history(problem, _before(problem.rows))
 
@@ -287,21 +295,21 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     like = ("hysteresis", "backlash", "fts_hysteresis")
     text = "np.sign(np.diff(rows.poses[:, {0}], prepend=rows.poses[0, {0}]))"
     signs = {f"the way along {name}": (text.format(j), np.sign(step[:, j])) for j, name in names}
-    yield Driver("the way to the pose", like, "both_sides", way, "approach", signs)
+    yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
     visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
     text = "np.r_[rows.poses[:1, {0}], rows.poses[:-1, {0}]]"
     visits = {f"{name} before": (text.format(j), visit[:, j]) for j, name in names}
-    yield Driver("the pose before", (), "both_sides", _free(problem, visit), "", visits)
+    yield Driver("the pose before", (), "both_sides", (_free(problem, visit),), "", visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
     if problem.table.has("time_s") and not largest_follows(whole.table, size):
         most = rows.of_whole(largest_so_far(whole.table, size))
         own = rows.of_whole(size)
-        columns = _scaled(problem, _cosines(np.log((most + 0.1) / (own + 0.1)), 3))
+        forms = _factors(problem, _cosines(np.log((most + 0.1) / (own + 0.1)), 3))
         text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
         load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
         yield Driver("the largest deflection so far", ("mullins_softening",),
-                     "conditioning_cycles", columns, "",
+                     "conditioning_cycles", forms, "",
                      {"the largest wrench so far": (text, load)})  # fmt: skip
 
 
@@ -329,10 +337,12 @@ def _of_pose(problem: Problem) -> F:
 
 
 def _cosines(values: F, count: int) -> F:
-    """(N, count) smooth functions of a variable, half by its ranks, the slow ones the largest."""
+    """(N, 1 + count) a line and smooth functions, half by ranks, the slow ones the largest."""
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable") / (len(values) - 1)
-    at = 0.5 * rank + 0.5 * (values - values.min()) / np.ptp(values)
-    return np.stack([np.cos(np.pi * k * at) / k**1.5 for k in range(1, count + 1)], axis=1)
+    along = (values - values.min()) / np.ptp(values)
+    at = 0.5 * rank + 0.5 * along
+    waves = [np.cos(np.pi * k * at) / k**1.5 for k in range(1, count + 1)]
+    return np.stack([2.0 * along - 1.0, *waves], axis=1)
 
 
 def _free(problem: Problem, functions: F) -> F:
@@ -341,8 +351,8 @@ def _free(problem: Problem, functions: F) -> F:
     return np.asarray(np.einsum("nq,ij->niqj", functions, np.eye(m)).reshape(n, m, -1))
 
 
-def _scaled(problem: Problem, functions: F) -> F:
-    """(N, m, q) each function as a factor on the wrench."""
-    load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)
+def _factors(problem: Problem, functions: F) -> tuple[F, F]:
+    """Each function (N, q) as a factor on the wrench (N, m, q), on each component (N, m, m q)."""
+    load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)[:, :, None]
     load = load / max(float(np.sqrt((load**2).mean())), 1e-300)
-    return np.asarray(load[:, :, None] * functions[:, None, :])
+    return load * functions[:, None, :], load * _free(problem, functions)

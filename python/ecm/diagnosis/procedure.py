@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import SURE, Driver, Family, drivers_that_share, find_family, posterior
+from ecm.diagnosis.family import SURE, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -398,19 +398,11 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
     if family is None:
-        share = drivers_that_share(chances, accepted.classes)
-        words = f"it follows {' or '.join(one.name for one in share)}: {unknown.words}"
-        unknown = replace(unknown, words=words) if share else unknown
-        return replace(decision, unknown=_led_by(problem, unknown, share))
-    unknown = replace(_led_by(problem, unknown, [family]), template=family.draft)
+        return decision
+    variables = tuple(dict.fromkeys([*family.columns, *unknown.variables]))
+    unknown = replace(unknown, variables=variables, template=family.draft)
     said = replace(decision, verdict="family", unknown=unknown, family=family)
     return replace(said, family=replace(family, probability=probability(said)))
-
-
-def _led_by(problem: Problem, unknown: Unknown, drivers: Sequence[Driver | Family]) -> Unknown:
-    """Return the description whose first variables are the columns of what drives it."""
-    first = [one.column for one in drivers if problem.table.has(one.column)]
-    return replace(unknown, variables=tuple(dict.fromkeys([*first, *unknown.variables])))
 
 
 def _against_the_bases(

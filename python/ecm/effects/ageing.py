@@ -14,6 +14,7 @@ from ecm.effects.protocol import (
     Parameter,
     TimedEffect,
     listed,
+    needs_full,
     needs_time,
     needs_varying,
     optional,
@@ -63,6 +64,12 @@ def settled(time_s: F, tau_s: float) -> F:
     return np.asarray(np.minimum(time_s, 0.0) - tau_s * np.expm1(-np.maximum(time_s, 0.0) / tau_s))
 
 
+def _warmer(rows: Rows, reference_degC: float | None) -> F:
+    """(N,) temperature over the reference, in K; without one over the mean of the table."""
+    temperature = rows.table.column("temperature_degC")
+    return temperature - (temperature.mean() if reference_degC is None else reference_degC)
+
+
 @dataclass(eq=False)
 class TemperatureModulus(LinearEffect):
     """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
@@ -96,9 +103,46 @@ class TemperatureModulus(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """-(T - T0) h."""
-        temperature = rows.table.column("temperature_degC")
-        zero = temperature.mean() if self.reference_degC is None else self.reference_degC
-        return np.asarray(-((temperature - zero)[:, None] * rows.material_wrench)[:, :, None])
+        warmer = _warmer(rows, self.reference_degC)
+        return np.asarray(-(warmer[:, None] * rows.material_wrench)[:, :, None])
+
+
+@dataclass(eq=False)
+class ThermalExpansion(LinearEffect):
+    """-K e_x L alpha (T - T0), e_x along the axis; T0 is the table's mean.
+
+    The free body is longer where it is warm, so that the same pose compresses it.
+
+    Parameters: alpha: growth along the axis per kelvin, over the length.
+
+    Source: Treloar, The Physics of Rubber Elasticity, 3rd edition, 1975 (2e-4 / K for rubber; 3e-4
+    / K is usual for silicone).
+    """
+
+    id = "thermal_expansion"
+    physics = "The body grows along its axis with its temperature."
+    parameters = (Parameter("alpha", "1/K", 3e-4, -0.01, 0.01),)
+    outside = LookAlike(
+        "anything that grows with the temperature: the frame or a bracket of the camera",
+        "the free length unclamped, warm and cold",
+    )
+    signature = "K along the axis, follows T, not h"
+    needs = "temperature that varies (temperature_degC), and the length"
+    requires = (needs_full, needs_varying("temperature_degC", 0.25))
+    kind = "time"
+    rivals = {"temperature_modulus": "warm_and_cold", "fts_thermal_drift": "zero_warm_and_cold"}
+
+    reference_degC: float | None = optional(None)
+    """Temperature at which the correction is zero; None: the mean of the table."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Referred to the mean temperature of the table."""
+        return (ThermalExpansion(round(float(table.column("temperature_degC").mean()), 3)),)
+
+    def columns(self, rows: Rows) -> F:
+        """-(T - T0) L K e_x."""
+        warmer = _warmer(rows, self.reference_degC)
+        return np.asarray(-rows.length_m * warmer[:, None, None] * rows.stiffness[:, :, :1])
 
 
 @dataclass(eq=False)
@@ -337,5 +381,11 @@ def _far(deflection: F, length_m: float) -> F:
     return np.asarray(np.sqrt(((deflection * metric) ** 2).sum(axis=1)))
 
 
-EFFECTS = (MullinsSoftening(), TemperatureModulus(), Ageing(), PermanentSet())
+EFFECTS = (
+    MullinsSoftening(),
+    TemperatureModulus(),
+    ThermalExpansion(),
+    Ageing(),
+    PermanentSet(),
+)
 FEW = (MullinsSoftening(load_width=0.0),)

@@ -14,7 +14,13 @@ import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects import Effect
-from ecm.effects.ageing import Ageing, MullinsSoftening, PermanentSet, TemperatureModulus
+from ecm.effects.ageing import (
+    Ageing,
+    MullinsSoftening,
+    PermanentSet,
+    TemperatureModulus,
+    ThermalExpansion,
+)
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import numbers, split, turns
 from ecm.effects.relaxation import StressRelaxation
@@ -313,11 +319,37 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
 def _temperature(
     found: TimeEffects, model: EvaluatedModel, effect: TemperatureModulus, values: F
 ) -> str:
+    if why := _referred(found, model, effect):
+        return why
+    found.document["softer_per_kelvin"] = float(values[0])
+    return ""
+
+
+def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion, values: F) -> str:
+    if why := _referred(found, model, effect):
+        return why
+    growth = float(values[0]) * (model.known_length_m or 1.0)
+    found.document["growth_per_kelvin"] = growth
+    least, largest = found.document["temperature_range_degc"]
+    far = max(abs(least - effect.reference_degC), abs(largest - effect.reference_degC))
+    poses = poses_like_measured(model, 500)
+    share = _beyond_first_order(model, poses, growth * far * np.eye(6)[:1])
+    found.warnings.append(
+        f"thermal_expansion moves the pose, h(p - s), which differs from the fitted -K s by at "
+        f"most {share:.2g} of the measurement noise."
+    )
+    return ""
+
+
+def _referred(
+    found: TimeEffects, model: EvaluatedModel, effect: TemperatureModulus | ThermalExpansion
+) -> str:
+    """Add the reference and the range of the temperature."""
     reference = effect.reference_degC
     if reference is None:
         return "its reference temperature is not in the model file; ecm refit writes it"
-    found.document["softer_per_kelvin"] = float(values[0])
-    found.document["reference_degc"] = reference
+    if found.document.setdefault("reference_degc", reference) != reference:
+        return "another effect has another reference temperature: ecm refit both on one table"
     measured = model.conditions.get("temperature_degC")
     if measured is None:
         _warn_of_range(found, effect, "temperatures", "the reference")
@@ -361,6 +393,15 @@ def _softening(
     return ""
 
 
+def _beyond_first_order(model: EvaluatedModel, poses: F, moved: F) -> float:
+    """Largest difference of h(p - s) from h - K s, over the noise."""
+    stepped = model.base.predict(poses - moved) - model.base.predict(poses)
+    fitted = -np.einsum(
+        "nij,nj->ni", model.base.stiffness(poses), np.broadcast_to(moved, poses.shape)
+    )
+    return worst_over(noise_sd(model), stepped - fitted)
+
+
 def _set(found: TimeEffects, model: EvaluatedModel, effect: PermanentSet, values: F) -> str:
     if effect.memory != "largest":
         return (
@@ -369,10 +410,7 @@ def _set(found: TimeEffects, model: EvaluatedModel, effect: PermanentSet, values
         )
     rest = model.rest_pose("permanent_set")
     poses = poses_like_measured(model, 500)
-    moved = float(values[0]) * (poses[::-1] - rest)
-    stepped = model.base.predict(poses - moved) - model.base.predict(poses)
-    fitted = -np.einsum("nij,nj->ni", model.base.stiffness(poses), moved)
-    share = worst_over(noise_sd(model), stepped - fitted)
+    share = _beyond_first_order(model, poses, float(values[0]) * (poses[::-1] - rest))
     found.document["set_share"] = float(values[0])
     found.warnings.append(
         f"permanent_set moves the rest pose, h(p - s), which differs from the fitted -K s by at "
@@ -386,6 +424,7 @@ _MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
     "stress_relaxation": _relaxation,
     "hysteresis": _friction,
     "temperature_modulus": _temperature,
+    "thermal_expansion": _growth,
     "ageing": _ageing,
     "viscous_damping": _damping,
     "mullins_softening": _softening,

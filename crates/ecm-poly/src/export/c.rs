@@ -247,6 +247,7 @@ impl Steps {
                 ("SLIP", &row(&effects.slip[..n])),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
+                ("GROWTH", &number(effects.growth_per_kelvin)),
                 ("AGEING", &number(effects.ageing_per_s)),
                 ("SETTLING", &number(effects.settling_per_s)),
                 ("FARTHEST", &row(&effects.limits.unwrap_or(any))),

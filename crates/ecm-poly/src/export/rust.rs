@@ -327,6 +327,7 @@ fn steps<R: Real>(
             ("SLIP", &row(&effects.slip)),
             ("WARMER", &number(effects.softer_per_kelvin)),
             ("REFERENCE", &number(effects.reference_degc)),
+            ("GROWTH", &number(effects.growth_per_kelvin)),
             ("AGEING", &number(effects.ageing_per_s)),
             ("SETTLING", &number(effects.settling_per_s)),
             ("DAMPING", &row(&effects.damping)),

@@ -49,6 +49,7 @@ impl Effects<f64> {
         effects.damping = numbers(document, "damping")?;
         effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
+        effects.growth_per_kelvin = number(document, "growth_per_kelvin", Some(0.0))?;
         effects.ageing_per_s = number(document, "ageing_per_s", Some(0.0))?;
         effects.settling_per_s = match number(document, "ageing_tau_s", Some(0.0))? {
             steady if steady <= 0.0 => 0.0,
@@ -70,6 +71,7 @@ impl Effects<f64> {
             ("stress_relaxation", any(&self.branches.map(|b| b.share))),
             ("hysteresis", any(&self.friction)),
             ("temperature_modulus", self.softer_per_kelvin != 0.0),
+            ("thermal_expansion", self.growth_per_kelvin != 0.0),
             ("ageing", self.ageing_per_s != 0.0),
             ("viscous_damping", any(&self.damping)),
             ("mullins_softening", self.softening != 0.0),
@@ -113,6 +115,7 @@ impl Effects<f64> {
             slip: six(&self.slip),
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
+            growth_per_kelvin: R::from_f64(self.growth_per_kelvin),
             ageing_per_s: R::from_f64(self.ageing_per_s),
             settling_per_s: R::from_f64(self.settling_per_s),
             damping: self.damping.map(R::from_f64),

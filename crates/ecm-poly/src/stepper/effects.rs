@@ -1,6 +1,6 @@
 //! The constants of the effects of time that a stepper carries.
 
-use ecm_se3::{Real, Vec6};
+use ecm_se3::{Pose, Real, Vec6};
 
 use super::Decay;
 
@@ -37,6 +37,8 @@ pub struct Effects<R> {
     pub softer_per_kelvin: R,
     /// T0 (°C).
     pub reference_degc: R,
+    /// Growth (m/K) along the axis: h of the pose less that of T − T0.
+    pub growth_per_kelvin: R,
     /// α (1/s): h (1 + α g(t)), g(t) = t, or τ (1 − e^(−t/τ)) where it settles.
     pub ageing_per_s: R,
     /// 1/τ (1/s) of the ageing; 0: it is steady.
@@ -72,6 +74,7 @@ impl<R: Real> Effects<R> {
             slip: [R::ZERO; 6],
             softer_per_kelvin: R::ZERO,
             reference_degc: R::ZERO,
+            growth_per_kelvin: R::ZERO,
             ageing_per_s: R::ZERO,
             settling_per_s: R::ZERO,
             damping: [R::ZERO; 2],
@@ -109,6 +112,13 @@ impl<R: Real> Effects<R> {
         let warmer = inputs.temperature_degc - self.reference_degc;
         let grown = inputs.age_s * Decay::new(inputs.age_s * self.settling_per_s).share;
         R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
+    }
+
+    /// The pose at which the body, had it not grown, would be deformed as it is at this one.
+    pub(crate) fn ungrown(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<Pose<R>> {
+        let mut p = pose.to_array();
+        p[0] -= self.growth_per_kelvin * (inputs.temperature_degc - self.reference_degc);
+        Pose::checked(&p)
     }
 
     /// The inputs at which temperature and age change nothing.

@@ -118,8 +118,8 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         if !(dt >= R::ZERO && dt.is_finite() && inputs.are_finite()) {
             return None;
         }
-        let here = self.here(pose)?;
         let effects = &self.effects;
+        let here = self.here(&effects.ungrown(pose, inputs)?)?;
         let set = self.after_set(&here, state)?;
         let q = here.frame.coordinates();
         let force = here.frame.generalised_force(&here.wrench);
@@ -274,7 +274,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         if !inputs.are_finite() {
             return None;
         }
-        let here = self.here(pose)?;
+        let here = self.here(&self.effects.ungrown(pose, inputs)?)?;
         let size = self.effects.size(inputs);
         let tangent = here.stiffness.map(|row| row.map(|k| size * k));
         Some((here.scaled(size), tangent))

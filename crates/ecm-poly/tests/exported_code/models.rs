@@ -73,6 +73,7 @@ pub fn effects() -> Effects<f64> {
     effects.slip = [2e-3, 2e-3, 2e-3, 0.05, 0.05, 0.05];
     effects.softer_per_kelvin = 5e-3;
     effects.reference_degc = 21.5;
+    effects.growth_per_kelvin = 2e-5;
     effects.ageing_per_s = 1e-5;
     effects.settling_per_s = 1.0 / 3e3;
     effects.damping = [2e-3, 2e-4];

@@ -181,6 +181,36 @@ class MountingGap(BodyPose, effect="length_error", name="mounting_gap", unit="m"
 
 
 @dataclass(frozen=True)
+class ThermalGrowth(BodyPose, effect="thermal_expansion", name="thermal_growth", unit="1/K"):
+    """A body that is larger where it is warm, in all directions, its modulus as it was.
+
+    Of a body larger by g every length is larger, and the wrench at a pose is that of the plain body
+    at positions smaller by g, forces times g^2 and moments times g^3. `size` is the growth per
+    kelvin.
+    """
+
+    reference_degC: float = 22.0
+    """Temperature at which the body has its stated size."""
+
+    limit: ClassVar[Limit] = Limit(0.01, "a warm-up between the poses")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> ThermalGrowth:
+        return cls(3e-4, reference_degC=rig.mean_temperature_degC)
+
+    def _growth(self, at: Conditions) -> F:
+        """(N, 1) size over the stated one."""
+        return 1.0 + self.size * (at.temperature_degC - self.reference_degC)[:, None]
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        return np.hstack([poses[:, :3] / self._growth(at), poses[:, 3:]])
+
+    def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
+        growth = self._growth(at)
+        return np.hstack([wrenches[:, :3] * growth**2, wrenches[:, 3:] * growth**3])
+
+
+@dataclass(frozen=True)
 class Anisotropy(BodyVariation, effect="anisotropy", unit="1"):
     """A cross-section that is stiffer in one direction: a modulus graded with twice the azimuth.
 

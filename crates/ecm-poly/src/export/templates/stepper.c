@@ -11,7 +11,7 @@ static const real linear_of[2] = {@LINEAR@};
 static const real friction_of[@N@] = {@FRICTION@};
 static const real slip_of[@N@] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
-static const real settling_per_s = R(@SETTLING@);
+static const real settling_per_s = R(@SETTLING@), growth_per_kelvin = R(@GROWTH@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
 static const real farthest_of[2] = {@FARTHEST@};
@@ -76,6 +76,16 @@ static int32_t after_set(const state_t *state, const real *p, int32_t grows, rea
     return is_finite(sum);
 }
 
+/* The pose at which the body, had it not grown, would be deformed as it is at this one */
+static const real *ungrown(const real *p, const inputs_t *inputs, real *own)
+{
+    for (int32_t i = 0; i < @N@; i++) {
+        own[i] = p[i];
+    }
+    own[0] -= growth_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@));
+    return own;
+}
+
 /* Change of the pose since the last step; not at all where q is the same. */
 static void moved_since(const state_t *state, const real *q, real *moved)
 {
@@ -126,11 +136,12 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
 {
     here_t here;
     real lost[2], left[2], total[@N@], steep[@NM@] = {R(0)}, set_h[@N@], set_k[@NM@];
-    real moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size;
+    real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size;
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     size = size_at(inputs);
+    p = ungrown(p, inputs, own);
     if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
         return refuse(h, k);
     }
@@ -225,9 +236,10 @@ void @NAME@_branches(const state_t *state, real wrenches[2 * @N@])
 
 int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@N@], real k[@NM@])
 {
-    const real size = size_at(inputs ? inputs : &@NAME@_default_conditions);
-    real sum = size;
-    @NAME@_value_and_stiffness(p, h, k);
+    real own[@N@], size, sum;
+    inputs = inputs ? inputs : &@NAME@_default_conditions;
+    sum = size = size_at(inputs);
+    @NAME@_value_and_stiffness(ungrown(p, inputs, own), h, k);
     for (int32_t i = 0; i < @N@; i++) {
         h[i] *= size;
         sum += h[i];
