@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -133,6 +135,24 @@ def test_an_effect_that_leaves_too_much_says_its_family() -> None:
     assert family is not None
     assert family.driver == "the way to the pose"
     assert find_family(problem, chances, (*accepted.classes, ("face_tilt",))) is None
+
+
+def test_the_weight_of_effects_that_two_drivers_explain_is_divided() -> None:
+    found = find_missing(model(), warmed(SLOW, 0.0, 3, 0.01))
+    chances = posterior(found.problem)
+    weights = {"time": 0.2, "the temperature of the body": 0.15}
+    chances = replace(
+        chances,
+        of_drivers=tuple(weights.get(one.name, 0.0) for one in chances.drivers),
+        of_effects=0.65,
+    )
+    one_of_both = (("ageing", "temperature_modulus"),)
+    family = find_family(found.problem, chances, one_of_both)
+    assert family is not None
+    assert family.driver == "time or the temperature of the body"
+    family = find_family(found.problem, replace(chances, of_effects=0.75), (("ageing",),))
+    assert family is not None
+    assert family.driver == "time"
 
 
 GROWTH = 2e-5

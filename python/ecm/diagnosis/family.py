@@ -127,7 +127,7 @@ def find_family(
         said += _in_its_order(problem, said[0], chances.drivers)
     # Of several, one that a user can set tells them apart: time goes on with all of them.
     apart = next((one for one in said if one.column not in ("time_s", "row")), said[0])
-    experiment = get_experiment((said[0] if fewest == 1 else apart).experiment)
+    experiment = get_experiment(apart.experiment)
     return Family(
         driver=" or ".join(one.name for one in said),
         columns=tuple(one.column for one in said if problem.table.has(one.column)),
@@ -143,11 +143,13 @@ def _by_probability(
 ) -> list[tuple[Driver, float]]:
     """The drivers, the likeliest first, where the effects are no names.
 
-    Their weight is that of a driver which all of them follow.
+    Their weight is that of the drivers which all of them follow, in equal parts.
     """
+    follow = [all(set(one.like) & set(members) for members in classes) for one in chances.drivers]
+    part = chances.of_effects / max(sum(follow), 1)
     found = [
-        (one, p + chances.of_effects * all(set(one.like) & set(members) for members in classes))
-        for one, p in zip(chances.drivers, chances.of_drivers, strict=True)
+        (one, p + part * follows)
+        for one, p, follows in zip(chances.drivers, chances.of_drivers, follow, strict=True)
     ]
     return sorted(found, key=lambda item: -item[1])
 
