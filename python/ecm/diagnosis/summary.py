@@ -123,7 +123,10 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
         bounded = f"s < {bound:.2f}" if bound < np.inf else "too few rows to bound s"
         return f"Nothing is missing that these data could show ({bounded})."
     nearest = unknown["nearest"]
-    near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})" if nearest else ""
+    # The effects of a family are told already.
+    near = ""
+    if nearest and "family" not in document:
+        near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})"
     return f"Missing: {_missing_beside(document)}{near}."
 
 
@@ -356,7 +359,9 @@ def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
         _rests_on(document),
         *_errors(document),
         TableBlock(
-            "What the accepted effects measure.",
+            "What the accepted effects measure."
+            if document["answer"]
+            else "What looks like a part of it, and is no name.",
             ("effect", "parameter", "value", "± sd", "unit"),
             [
                 [item["id"], name, number(p["value"], 4), p["sd"], p["unit"]]
@@ -380,6 +385,7 @@ def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
         *(
             TextBlock(f"{one['id']}: {with_shape(one['id'], one.get('shape', {})).physics}")
             for one in effects
+            if document["answer"]
         ),
         *(table for table in tables if table.rows),
         *_addition(document.get("addition")),
