@@ -22,6 +22,7 @@ _SAMPLE = {
     "three_axes": "linear",
     "one_axis": "cubic",
     "one_axis_with_a_second_load": "cubic",
+    "planar_of_known_length": "choose",
     "rotation_only": "cubic",
     "log_of_one_axis": "cubic",
     "finger_joint": "linear",

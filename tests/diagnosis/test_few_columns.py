@@ -507,3 +507,32 @@ def test_without_the_pressure_each_run_is_said_to_have_a_force_of_its_own() -> N
     drifting = table.with_columns({"fx_N": table["fx_N"] - 100.0 * run + 0.5 * time})
     again = ecm.diagnose(ecm.fit(drifting, "linear"), drifting)
     assert {"fts_drift", "growing_load"} & {id for members in again.answer for id in members}
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_a_body_of_known_length_that_grows_with_the_warmth_is_named_and_added(planar: bool) -> None:
+    """Fewer poses than six and a length: the rest pose has the columns of the table."""
+    random = np.random.default_rng(1)
+    n, length = 120, 0.06
+    time_s = 10.0 * np.arange(n)
+    warmer = 4.0 * np.sin(time_s / 500.0) + 0.3 * random.standard_normal(n)
+    pose = {"x_m": length + 4e-3 * np.sin(time_s / 90.0) + 1e-3 * np.sin(time_s / 23.0)}
+    stretch = pose["x_m"] / (length * (1.0 + 3e-4 * warmer))
+    wrench = {"fx_N": 40.0 * (stretch - stretch**-2)}
+    if planar:
+        pose |= {"y_m": random.uniform(-0.01, 0.01, n)}
+        wrench |= {"fy_N": 300.0 * pose["y_m"] + 2e6 * pose["y_m"] ** 3}
+    read = {name: force + 0.02 * random.standard_normal(n) for name, force in wrench.items()}
+    meta = {
+        "mechanism": {"length_m": length},
+        "instrument": {"force_sd_N": 0.02, "pose_position_sd_m": 1e-6},
+    }
+    own = {"time_s": time_s, "temperature_degC": 22.0 + warmer}
+    table = ecm.Table(pose | read | own, meta)
+    model = ecm.fit(table, "cubic")
+    assert Rows(table, model.base).middle_pose.tolist() == [length, 0.0][: 1 + planar]
+    assert find_missing(model, table).answer == (("thermal_expansion",),)
+    grown = ecm.refit(model, table, add="thermal_expansion")
+    alpha = grown.params["thermal_expansion.alpha"]
+    assert abs(alpha.value - 3e-4) < 4.0 * alpha.sd
+    assert find_missing(grown, table).verdict == "none"

@@ -92,6 +92,24 @@ def one_axis_with_a_second_load(folder: Path) -> Path:
     return _written(columns, "[instrument]\nforce_sd_N = 0.05\npose_position_sd_m = 1e-6\n", folder)
 
 
+def planar_of_known_length(folder: Path) -> Path:
+    """A rod in a plane, three axes and its length: it grows with the warmth of the room."""
+    random = np.random.default_rng(8)
+    n, length = 90, 0.1
+    x, y, turn = (random.uniform(-most, most, n) for most in (4e-3, 15e-3, 0.3))
+    warmer = 5.0 * np.sin(np.arange(n) / 11.0) + random.normal(0.0, 0.3, n)
+    c = x - length * 3e-4 * warmer
+    wrench = np.c_[
+        9e3 * c + 3e4 * y**2, 700.0 * y - 25.0 * turn + 6e4 * y * c, -25.0 * y + 2.2 * turn
+    ]
+    wrench[:, 2] += 3e4 * y**2 * turn
+    wrench += random.standard_normal((n, 3)) * [0.15, 0.08, 0.004]
+    columns = {"x_m": length + x, "y_m": y, "theta_z_rad": turn}
+    columns |= dict(zip(("fx_N", "fy_N", "tau_z_Nm"), wrench.T, strict=True))
+    columns |= {"time_s": 20.0 * np.arange(n), "temperature_degC": 22.0 + warmer}
+    return _written(columns, f"[mechanism]\nlength_m = {length}\n", folder)
+
+
 def rotation_only(folder: Path) -> Path:
     """A joint: three angles and three torques, softening as it is turned further each time."""
     random = np.random.default_rng(6)
@@ -142,6 +160,7 @@ TABLES: dict[str, Callable[[Path], Path]] = {
         three_axes,
         one_axis,
         one_axis_with_a_second_load,
+        planar_of_known_length,
         rotation_only,
         log_of_one_axis,
         finger_joint,

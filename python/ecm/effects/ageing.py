@@ -14,7 +14,7 @@ from ecm.effects.protocol import (
     Parameter,
     TimedEffect,
     listed,
-    needs_full,
+    needs_columns,
     needs_time,
     needs_varying,
     optional,
@@ -128,7 +128,7 @@ class ThermalExpansion(LinearEffect):
     )
     signature = "K along the axis, follows T, not h"
     needs = "temperature that varies (temperature_degC), and the length"
-    requires = (needs_full, needs_varying("temperature_degC", 0.25))
+    requires = (needs_columns("x_m"), needs_varying("temperature_degC", 0.25))
     kind = "time"
     rivals = {"temperature_modulus": "warm_and_cold", "fts_thermal_drift": "zero_warm_and_cold"}
 
@@ -142,7 +142,8 @@ class ThermalExpansion(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """-(T - T0) L K e_x."""
         warmer = _warmer(rows, self.reference_degC)
-        return np.asarray(-rows.length_m * warmer[:, None, None] * rows.stiffness[:, :, :1])
+        along = rows.stiffness[:, :, [rows.base.inputs.index("x_m")]]
+        return np.asarray(-rows.length_m * warmer[:, None, None] * along)
 
 
 @dataclass(eq=False)

@@ -333,7 +333,7 @@ def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion,
     least, largest = found.document["temperature_range_degc"]
     far = max(abs(least - effect.reference_degC), abs(largest - effect.reference_degC))
     poses = poses_like_measured(model, 500)
-    share = _beyond_first_order(model, poses, growth * far * np.eye(6)[:1])
+    share = _beyond_first_order(model, poses, growth * far * np.eye(poses.shape[1])[:1])
     found.warnings.append(
         f"thermal_expansion moves the pose, h(p - s), which differs from the fitted -K s by at "
         f"most {share:.2g} of the measurement noise."
@@ -430,5 +430,7 @@ _MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
     "mullins_softening": _softening,
     "permanent_set": _set,
 }
-_ALONG_A_LINE = ("stress_relaxation", "hysteresis", "temperature_modulus", "ageing")
+_ALONG_A_LINE = (
+    "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing"
+)  # fmt: skip
 _NOT_ALONG_A_LINE = "it has no step along a single coordinate"

@@ -572,7 +572,9 @@ class Rows:
     @cached_property
     def middle_pose(self) -> F:
         """(n,) the rest pose, or where the length is not known the median pose."""
-        return self.rest_pose if self.has_length else np.asarray(np.median(self.poses, axis=0))
+        if not self.has_length:
+            return np.asarray(np.median(self.poses, axis=0))
+        return self.rest_pose[[POSE.index(name) for name in self.base.inputs]]
 
     @cached_property
     def rest_pose(self) -> F:
