@@ -15,8 +15,10 @@ from ecm.designs.regressors import NominalModel
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.experiments import EXPERIMENTS
 from ecm.errors import InputError
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Scene
 from ecm.io.table import read_table
+from ecm.models import fit_model
 from ecm.regression.folds import is_zero
 from ecm.regression.noise import declared_noise
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
@@ -24,6 +26,7 @@ from support.campaigns import campaign, physics
 from support.neck import Done
 from support.stand_in import StandIn
 
+GRAVITY = Scene().gravity_m_s2
 NAMED = {name for effect in all_effects() for name in effect.rivals.values()}
 DRIVEN = sorted(EXPERIMENTS[name].action for name in NAMED if EXPERIMENTS[name].can_be_driven)
 
@@ -219,6 +222,23 @@ def test_a_dead_weight_is_foretold_as_the_sensor_feels_it() -> None:
     hung = rows.table.wrenches[rows.dead_weight]
     np.testing.assert_allclose(hung, (rows.sensor_load - rows.wrench)[rows.dead_weight], atol=1e-12)
     assert not is_zero(rows.table)[rows.dead_weight].any()
+
+
+@pytest.mark.parametrize("kept", [("fx_N",), ("fy_N", "tau_z_Nm"), WRENCH[3:]])
+def test_a_dead_weight_is_felt_by_the_forces_that_are_read_alone(kept: tuple[str, ...]) -> None:
+    first = campaign(seed=3)
+    first = first.drop(*(name for name in WRENCH if name not in kept))
+    base = fit_model(first, "linear").base
+    plan = follow_up_plan(first, "dead weights")
+    found = predicted_table(plan, NominalModel(base, declared_noise(first), first.meta))
+    weight = found.matrix(kept) - np.where(
+        (found.text("kind") == "unloaded")[:, None], 0.0, base.predict(found.poses)
+    )
+    down = np.array([GRAVITY[WRENCH.index(name)] if name in WRENCH[:3] else 0.0 for name in kept])
+    heavy = np.abs(weight).max(axis=1) > 1e-9
+    assert heavy.sum() == (7 if down.any() else 0)
+    kilograms = -weight[heavy] @ down / max(down @ down, 1e-9)
+    np.testing.assert_allclose(weight[heavy], -np.outer(kilograms, down), atol=1e-9)
 
 
 @pytest.mark.parametrize("experiment", ["conditioning_cycles", "repeat_first_poses"])

@@ -536,3 +536,10 @@ def test_a_body_of_known_length_that_grows_with_the_warmth_is_named_and_added(pl
     alpha = grown.params["thermal_expansion.alpha"]
     assert abs(alpha.value - 3e-4) < 4.0 * alpha.sd
     assert find_missing(grown, table).verdict == "none"
+
+
+@pytest.mark.parametrize("effect", ["anisotropy", "hysteresis"])
+def test_forces_alone_are_diagnosed_again_after_an_effect_of_six_columns(effect: str) -> None:
+    table = campaign(effect, 3.0, 4).drop(*WRENCH[3:])
+    model = ecm.fit(table, "linear").add(effect).fit(table)
+    assert effect not in {members[0] for members in find_missing(model, table).answer}

@@ -555,8 +555,10 @@ def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = N
     poses, time = of("pose"), of("time_s")
     free = of("kind", object) == UNLOADED
     wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
-    gravity = np.asarray(base.meta.scene.gravity_m_s2)
-    wrenches[:, :3] -= of("dead_weight_kg")[:, None] * gravity
+    for j, name in enumerate(base.base.outputs):
+        if name in WRENCH[:3]:
+            along = base.meta.scene.gravity_m_s2[WRENCH.index(name)]
+            wrenches[:, j] -= of("dead_weight_kg") * along
     climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
     names = (*POSE, *plan.actuation_columns)
     columns: dict[str, Any] = dict(zip(names, poses.T.copy(), strict=True))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
+from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.conventions import WrongConvention
@@ -104,7 +105,7 @@ def without_effects(effects: Sequence[FittedEffect], rows: Rows) -> Table:
     table = rows.table
     if not effects:
         return table
-    correction = sum(item.effect.correction(rows, item.values) for item in effects)
+    correction = sum(correction_of(item.effect, rows, item.values) for item in effects)
     return table.with_columns(
         {
             name: table.column(name) - np.asarray(correction)[:, j]
