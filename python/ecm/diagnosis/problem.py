@@ -206,11 +206,11 @@ def all_score_columns(
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             return [], lacking
         variants = effect.variants(table) if lacking is None else lacking.forms or (effect,)
-        if base.kind != "physics":  # the two numbers of a stated body follow from the forces
-            variants = tuple(v for v in variants if not guesses_torques(v, rows))
-        if not variants:
-            return [], lacking or UNKNOWN_TORQUES
         try:
+            if base.kind != "physics":  # the two numbers of a stated body follow from the forces
+                variants = tuple(v for v in variants if not guesses_torques(v, rows))
+            if not variants:
+                return [], lacking or UNKNOWN_TORQUES
             return [
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
                 for v in variants

@@ -1,0 +1,96 @@
+"""Any columns and any description: each step in Python ends in a result or in a refusal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.effects import effects_of
+from ecm.errors import EcmError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models.export import export_files
+from ecm.models.selection import choose_model
+
+LENGTH_M = 0.1
+SPAN = dict(zip(POSE, (4e-3, 1e-2, 1e-2, 0.3, 0.3, 0.3), strict=True))
+OWN = ("temperature_degC", "sensor_temperature_degC", "dwell_s", "humidity")
+INSTRUMENT = {
+    "force_sd_N": 0.1, "torque_sd_Nm": 3e-3, "pose_position_sd_m": 1e-5,
+    "pose_rotation_sd_rad": 1e-4, "fts_range": [400.0, 200.0, 200.0, 20.0, 20.0, 20.0],
+    "fts_resolution": [0.1, 0.05, 0.05, 0.005, 0.005, 0.005],
+}  # fmt: skip
+BODY = {"radius_m": 0.02, "young_modulus_Pa": 6e5, "poisson_ratio": 0.49}
+DESCRIPTIONS = {
+    "nothing": {},
+    "length": {"mechanism": {"length_m": LENGTH_M}},
+    "body": {"mechanism": {"length_m": LENGTH_M} | BODY, "instrument": INSTRUMENT},
+    "log": {
+        "mechanism": {"length_m": LENGTH_M, "free_length_m": 1.01 * LENGTH_M},
+        "file": {"kind": "continuous"},
+    },
+}
+PLANE = ("x_m", "y_m", "theta_z_rad")
+CASES = [
+    (("x_m",), ("fx_N",), "length"),
+    (("x_m",), ("fx_N",), "log"),
+    (("y_m",), ("fy_N", "fx_N"), "body"),
+    (("theta_z_rad",), ("tau_z_Nm",), "body"),
+    (("y_m", "theta_z_rad"), ("fy_N", "tau_z_Nm"), "length"),
+    (PLANE, ("fx_N", "fy_N", "tau_z_Nm"), "length"),
+    (PLANE, ("fx_N", "fy_N", "tau_z_Nm"), "body"),
+    (POSE[:3], WRENCH[:3], "length"),
+    (POSE[3:], WRENCH[3:], "body"),
+    (POSE, ("fx_N",), "body"),
+    (POSE, ("fy_N", "tau_z_Nm"), "body"),
+    (POSE, WRENCH[3:], "length"),
+    (POSE, WRENCH[:3], "nothing"),
+]
+
+
+def measured(poses: Sequence[str], wrenches: Sequence[str], description: str) -> Table:
+    """Rows of a soft body with an energy in the columns that are there."""
+    random = np.random.default_rng(len(poses))
+    n = 80
+    unit = random.uniform(-1.0, 1.0, (n, 6))
+    half = random.normal(size=(6, 6))
+    stiff = np.eye(6) * 3.0 + 0.1 * (half + half.T)
+    force = (unit @ stiff + unit**3) * np.repeat([10.0, 0.3], 3)
+    force *= 1.0 + 0.01 * random.standard_normal((n, 6))
+    columns = {name: unit[:, POSE.index(name)] * SPAN[name] for name in poses}
+    if "x_m" in columns:
+        columns["x_m"] += LENGTH_M
+    columns |= {name: force[:, WRENCH.index(name)] for name in wrenches}
+    columns |= {"time_s": 20.0 * np.arange(n)}
+    columns |= dict(zip(OWN, 22.0 + random.uniform(0.0, 8.0, (len(OWN), n)), strict=True))
+    return ecm.Table(columns, DESCRIPTIONS[description])
+
+
+@pytest.mark.parametrize(("poses", "wrenches", "description"), CASES)
+def test_each_step_ends_in_a_result_or_a_refusal(
+    poses: tuple[str, ...], wrenches: tuple[str, ...], description: str
+) -> None:
+    table = measured(poses, wrenches, description)
+    model = ecm.fit(table, choose_model(table).best)
+    assert str(ecm.check(table))
+    assert ecm.compare(model, table).to_dict()
+    assert json.dumps(ecm.diagnose(model, table).to_dict())
+    assert export_files(model, "c", "any")
+    added, refused = 0, list[str]()
+    for effect in effects_of(table):
+        if effect.kind == "noise" or effect.missing(table) is not None:
+            continue
+        try:
+            with_effect = ecm.refit(model, table, add=effect.id)
+        except EcmError as refusal:
+            refused.append(str(refusal))
+            continue
+        added += 1
+        if added <= 3:
+            assert json.dumps(ecm.diagnose(with_effect, table).to_dict())
+    assert added
+    assert not [said for said in refused if "of shape" in said]
