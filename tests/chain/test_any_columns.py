@@ -27,6 +27,7 @@ INSTRUMENT = {
 BODY = {"radius_m": 0.02, "young_modulus_Pa": 6e5, "poisson_ratio": 0.49}
 DESCRIPTIONS = {
     "nothing": {},
+    "pressure": {},
     "length": {"mechanism": {"length_m": LENGTH_M}},
     "body": {"mechanism": {"length_m": LENGTH_M} | BODY, "instrument": INSTRUMENT},
     "log": {
@@ -49,6 +50,7 @@ CASES = [
     (POSE, ("fy_N", "tau_z_Nm"), "body"),
     (POSE, WRENCH[3:], "length"),
     (POSE, WRENCH[:3], "nothing"),
+    (POSE, WRENCH, "pressure"),
 ]
 
 
@@ -64,6 +66,9 @@ def measured(poses: Sequence[str], wrenches: Sequence[str], description: str) ->
     columns = {name: unit[:, POSE.index(name)] * SPAN[name] for name in poses}
     if "x_m" in columns:
         columns["x_m"] += LENGTH_M
+    if description == "pressure":
+        columns["pressure_1_Pa"] = random.uniform(1e4, 5e4, n)
+        force += 1e-4 * columns["pressure_1_Pa"][:, None] * np.repeat([1.0, 0.03], 3)
     columns |= {name: force[:, WRENCH.index(name)] for name in wrenches}
     columns |= {"time_s": 20.0 * np.arange(n)}
     columns |= dict(zip(OWN, 22.0 + random.uniform(0.0, 8.0, (len(OWN), n)), strict=True))

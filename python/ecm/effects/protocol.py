@@ -371,7 +371,7 @@ def guesses_torques(effect: Effect, rows: Rows) -> bool:
     rows
         Rows under a map of fewer than six wrench columns; of others none is guessed.
     """
-    if rows.of_six is rows or not effect.of_six:
+    if set(WRENCH) <= set(rows.base.outputs) or rows.of_six is rows or not effect.of_six:
         return False
     own = rows if effect.kind == "pose" else rows.whole
     zero = np.zeros(len(effect.parameters))

@@ -302,6 +302,36 @@ class _OfSix:
         return whole
 
 
+@dataclass(frozen=True)
+class _AtInputs:
+    """A map of six poses and of inputs as one of the poses of N rows, each at its own inputs."""
+
+    base: BaseMap
+    values: F
+    """(N, a) inputs of the rows; other poses than theirs are at the median."""
+    inputs: ClassVar[tuple[str, ...]] = POSE
+    outputs: ClassVar[tuple[str, ...]] = WRENCH
+
+    @property
+    def length_m(self) -> float | None:
+        return self.base.length_m
+
+    def predict(self, poses: F) -> F:
+        return self.base.predict(self._with_inputs(poses))
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        return np.ascontiguousarray(self.base.stiffness(self._with_inputs(poses))[:, :, :6])
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        return None
+
+    def _with_inputs(self, poses: F) -> F:
+        if len(poses) == len(self.values):
+            return np.hstack([poses, self.values])
+        middle = np.median(self.values, axis=0)
+        return np.hstack([poses, np.tile(middle, (len(poses), 1))])
+
+
 _MOST_STEPS, _LONGEST_STEP = 30, 0.3
 """Steps of Newton's method to a pose, and the longest, over the length and in rad."""
 _FOUND, _ENDED = 1e-6, 1e-12
@@ -383,10 +413,13 @@ class Rows:
 
     @cached_property
     def of_six(self) -> Rows:
-        """The same rows under a map of all six wrench columns, where their three forces are known.
+        """The same rows under a map of the six poses and six wrench columns.
 
-        What such a map says of the torques is a guess: `guesses_torques` (`ecm.effects`).
+        Where the three forces alone are known, what such a map says of the torques is a guess:
+        `guesses_torques` (`ecm.effects`). Other inputs of the map are those of each row.
         """
+        if self.base.inputs[:6] == POSE != self.base.inputs and self.base.outputs == WRENCH:
+            return Rows(self.table, _AtInputs(self.base, self.poses[:, 6:]))
         forces = set(WRENCH[:3]) <= set(self.base.outputs)
         if not forces or self.base.inputs != POSE or is_whole(self.base):
             return self
@@ -571,10 +604,14 @@ class Rows:
 
     @cached_property
     def middle_pose(self) -> F:
-        """(n,) the rest pose, or where the length is not known the median pose."""
+        """(n,) the rest pose; of inputs that are no pose, and without a length, the median."""
+        median = np.median(self.poses, axis=0)
         if not self.has_length:
-            return np.asarray(np.median(self.poses, axis=0))
-        return self.rest_pose[[POSE.index(name) for name in self.base.inputs]]
+            return median
+        rest = dict(zip(POSE, self.rest_pose, strict=True))
+        return np.array(
+            [rest.get(name, at) for name, at in zip(self.base.inputs, median, strict=True)]
+        )
 
     @cached_property
     def rest_pose(self) -> F:
