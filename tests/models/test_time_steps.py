@@ -78,13 +78,13 @@ ONE_BY_ONE: list[tuple[Effect, list[float]]] = [
 
 
 def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path) -> None:
-    """To first order: a step shifts the pose, and says by how much that differs."""
+    """The fit is of first order; a step has the larger body, and says by how much that differs."""
     model = with_effects(
         plain, (ThermalExpansion(21.0), [3e-4]), (TemperatureModulus(21.0), [3e-3])
     )
     controller = model.controller()
     assert controller.effects.acting == ["thermal_expansion", "temperature_modulus"]
-    assert "thermal_expansion moves the pose" in controller.effects.sentences()[-1]
+    assert "thermal_expansion steps with the larger body" in controller.effects.sentences()[-1]
     table = recorded(model)
     controller.init(table.poses[0])
     kelvin = table.column("temperature_degC")

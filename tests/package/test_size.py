@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_855, 200),
+    "python/ecm": (41_905, 200),
     "benches": (5_911, 51),
     "examples": (1_516, 13),
-    "tests": (31_851, 229),
-    "crates": (34_332, 198),
+    "tests": (32_023, 230),
+    "crates": (34_360, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
-that grows with its temperature, as an effect, in the rig, in a step and in exported C and Rust
-(python/ecm 78, crates 15), each with a test (tests 60)."""
+that grows with its temperature, as an effect, in the rig, in a step and in exported C and Rust, and
+tables of any columns without a crash (python/ecm 128, crates 43), each with a test (tests 232)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

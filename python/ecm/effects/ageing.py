@@ -109,24 +109,25 @@ class TemperatureModulus(LinearEffect):
 
 @dataclass(eq=False)
 class ThermalExpansion(LinearEffect):
-    """-K e_x L alpha (T - T0), e_x along the axis; T0 is the table's mean.
+    """alpha (T - T0) (2 f - K_f c, 3 m - K_m c), c the platform's place; T0 is the table's mean.
 
-    The free body is longer where it is warm, so that the same pose compresses it.
+    A body that is larger by g in all directions has at a place c the forces g^2 f(c / g) and the
+    moments g^3 m(c / g) of the plain one: along the axis the same pose compresses it.
 
-    Parameters: alpha: growth along the axis per kelvin, over the length.
+    Parameters: alpha: growth per kelvin.
 
     Source: Treloar, The Physics of Rubber Elasticity, 3rd edition, 1975 (2e-4 / K for rubber; 3e-4
     / K is usual for silicone).
     """
 
     id = "thermal_expansion"
-    physics = "The body grows along its axis with its temperature."
+    physics = "The body grows in all directions with its temperature."
     parameters = (Parameter("alpha", "1/K", 3e-4, -0.01, 0.01),)
     outside = LookAlike(
         "anything that grows with the temperature: the frame or a bracket of the camera",
         "the free length unclamped, warm and cold",
     )
-    signature = "K along the axis, follows T, not h"
+    signature = "K along the axis and a little of h, follows T"
     needs = "temperature that varies (temperature_degC), and the length"
     requires = (needs_columns("x_m"), needs_varying("temperature_degC", 0.25))
     kind = "time"
@@ -140,10 +141,20 @@ class ThermalExpansion(LinearEffect):
         return (ThermalExpansion(round(float(table.column("temperature_degC").mean()), 3)),)
 
     def columns(self, rows: Rows) -> F:
-        """-(T - T0) L K e_x."""
+        """(T - T0) (2 f - K_f c, 3 m - K_m c)."""
         warmer = _warmer(rows, self.reference_degC)
-        along = rows.stiffness[:, :, [rows.base.inputs.index("x_m")]]
-        return np.asarray(-rows.length_m * warmer[:, None, None] * along)
+        return np.asarray((warmer[:, None] * self.of_one_kelvin(rows))[:, :, None])
+
+    def of_one_kelvin(self, rows: Rows) -> F:
+        """(N, m) (2 f - K_f c, 3 m - K_m c)."""
+        outputs, inputs = rows.base.outputs, rows.base.inputs
+        powers = np.array([2.0 if name in WRENCH[:3] else 3.0 for name in outputs])
+        at = [j for j, name in enumerate(inputs) if name in POSE[:3]]
+        # Without a length x_m may count from the rest pose.
+        free = np.array([rows.length_m if inputs[j] == "x_m" else 0.0 for j in at])
+        place = rows.poses[:, at] - rows.middle_pose[at] + free
+        smaller = np.einsum("nij,nj->ni", rows.stiffness[:, :, at], place)
+        return np.asarray(powers * rows.wrench - smaller)
 
 
 @dataclass(eq=False)

@@ -26,6 +26,7 @@ from ecm.effects.pairs import numbers, split, turns
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
 from ecm.models.joint_fit import JointFit
@@ -328,14 +329,18 @@ def _temperature(
 def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion, values: F) -> str:
     if why := _referred(found, model, effect):
         return why
-    growth = float(values[0]) * (model.known_length_m or 1.0)
-    found.document["growth_per_kelvin"] = growth
-    least, largest = found.document["temperature_range_degc"]
-    far = max(abs(least - effect.reference_degC), abs(largest - effect.reference_degC))
+    alpha = float(values[0])
+    found.document["growth_per_kelvin"] = alpha
+    furthest = np.abs(np.array(found.document["temperature_range_degc"]) - effect.reference_degC)
+    change = alpha * float(furthest.max())
     poses = poses_like_measured(model, 500)
-    share = _beyond_first_order(model, poses, growth * far * np.eye(poses.shape[1])[:1])
+    rows = model.rows_at(poses)
+    size = np.array([1.0 + change if name in POSE[:3] else 1.0 for name in model.inputs])
+    powers = [2.0 if name in WRENCH[:3] else 3.0 for name in model.outputs]
+    stepped = model.base.predict(poses / size) * (1.0 + change) ** np.array(powers) - rows.wrench
+    share = worst_over(noise_sd(model), stepped - change * effect.of_one_kelvin(rows))
     found.warnings.append(
-        f"thermal_expansion moves the pose, h(p - s), which differs from the fitted -K s by at "
+        f"thermal_expansion steps with the larger body, which differs from what was fitted by at "
         f"most {share:.2g} of the measurement noise."
     )
     return ""
@@ -393,15 +398,6 @@ def _softening(
     return ""
 
 
-def _beyond_first_order(model: EvaluatedModel, poses: F, moved: F) -> float:
-    """Largest difference of h(p - s) from h - K s, over the noise."""
-    stepped = model.base.predict(poses - moved) - model.base.predict(poses)
-    fitted = -np.einsum(
-        "nij,nj->ni", model.base.stiffness(poses), np.broadcast_to(moved, poses.shape)
-    )
-    return worst_over(noise_sd(model), stepped - fitted)
-
-
 def _set(found: TimeEffects, model: EvaluatedModel, effect: PermanentSet, values: F) -> str:
     if effect.memory != "largest":
         return (
@@ -410,7 +406,10 @@ def _set(found: TimeEffects, model: EvaluatedModel, effect: PermanentSet, values
         )
     rest = model.rest_pose("permanent_set")
     poses = poses_like_measured(model, 500)
-    share = _beyond_first_order(model, poses, float(values[0]) * (poses[::-1] - rest))
+    moved = float(values[0]) * (poses[::-1] - rest)
+    stepped = model.base.predict(poses - moved) - model.base.predict(poses)
+    fitted = -np.einsum("nij,nj->ni", model.base.stiffness(poses), moved)
+    share = worst_over(noise_sd(model), stepped - fitted)
     found.document["set_share"] = float(values[0])
     found.warnings.append(
         f"permanent_set moves the rest pose, h(p - s), which differs from the fitted -K s by at "

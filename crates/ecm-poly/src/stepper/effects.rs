@@ -1,6 +1,6 @@
 //! The constants of the effects of time that a stepper carries.
 
-use ecm_se3::{Pose, Real, Vec6};
+use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
 
 use super::Decay;
 
@@ -37,7 +37,7 @@ pub struct Effects<R> {
     pub softer_per_kelvin: R,
     /// T0 (°C).
     pub reference_degc: R,
-    /// Growth (m/K) along the axis: h of the pose less that of T − T0.
+    /// α (1/K): a body larger by g = 1 + α (T − T0) has g² f(c/g, θ) and g³ m(c/g, θ).
     pub growth_per_kelvin: R,
     /// α (1/s): h (1 + α g(t)), g(t) = t, or τ (1 − e^(−t/τ)) where it settles.
     pub ageing_per_s: R,
@@ -114,11 +114,39 @@ impl<R: Real> Effects<R> {
         R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
     }
 
+    /// Size of the body over that at T0.
+    fn grown(&self, inputs: &Inputs<R>) -> R {
+        R::ONE + self.growth_per_kelvin * (inputs.temperature_degc - self.reference_degc)
+    }
+
     /// The pose at which the body, had it not grown, would be deformed as it is at this one.
     pub(crate) fn ungrown(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<Pose<R>> {
+        let g = self.grown(inputs);
         let mut p = pose.to_array();
-        p[0] -= self.growth_per_kelvin * (inputs.temperature_degc - self.reference_degc);
+        p.iter_mut().take(3).for_each(|x| *x = *x / g);
         Pose::checked(&p)
+    }
+
+    /// Wrench and stiffness of the grown body, from those at the pose of `ungrown`.
+    pub(crate) fn regrown(
+        &self,
+        wrench: &Wrench<R>,
+        mut tangent: Mat6<R>,
+        inputs: &Inputs<R>,
+    ) -> (Wrench<R>, Mat6<R>) {
+        let g = self.grown(inputs);
+        let powers = [g * g, g * g * g];
+        for (i, row) in tangent.iter_mut().enumerate() {
+            for (j, k) in row.iter_mut().enumerate() {
+                let power = powers[i / 3];
+                *k = *k * if j < 3 { power / g } else { power };
+            }
+        }
+        let wrench = Wrench {
+            force: wrench.force.map(|x| powers[0] * x),
+            torque: wrench.torque.map(|x| powers[1] * x),
+        };
+        (wrench, tangent)
     }
 
     /// The inputs at which temperature and age change nothing.

@@ -223,7 +223,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         state.coordinates = q;
         state.force = force;
         state.largest = largest;
-        Some((wrench, tangent))
+        Some(effects.regrown(&wrench, tangent, inputs))
     }
 
     /// The steps through poses that are planned, dt (s) apart, from a state that stays as it is.
@@ -277,7 +277,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let here = self.here(&self.effects.ungrown(pose, inputs)?)?;
         let size = self.effects.size(inputs);
         let tangent = here.stiffness.map(|row| row.map(|k| size * k));
-        Some((here.scaled(size), tangent))
+        Some(self.effects.regrown(&here.scaled(size), tangent, inputs))
     }
 
     /// h and K at the pose less the set; None where they are not finite, no set where it is none.

@@ -76,14 +76,33 @@ static int32_t after_set(const state_t *state, const real *p, int32_t grows, rea
     return is_finite(sum);
 }
 
+/* Size of the body over that at the reference */
+static real grown(const inputs_t *inputs)
+{
+    return R(1) + growth_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@));
+}
+
 /* The pose at which the body, had it not grown, would be deformed as it is at this one */
 static const real *ungrown(const real *p, const inputs_t *inputs, real *own)
 {
+    const real size = grown(inputs);
     for (int32_t i = 0; i < @N@; i++) {
-        own[i] = p[i];
+        own[i] = i < 3 ? p[i] / size : p[i];
     }
-    own[0] -= growth_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@));
     return own;
+}
+
+/* h and k of the grown body, from those at the pose of `ungrown` */
+static void regrow(const inputs_t *inputs, real *h, real *k)
+{
+    const real size = grown(inputs);
+    for (int32_t i = 0; i < @N@; i++) {
+        const real power = i < 3 ? size * size : size * size * size;
+        h[i] *= power;
+        for (int32_t j = 0; j < @N@; j++) {
+            k[@N@ * i + j] *= j < 3 ? power / size : power;
+        }
+    }
 }
 
 /* Change of the pose since the last step; not at all where q is the same. */
@@ -221,6 +240,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         state->coordinates[j] = here.frame.q[j];
         state->force[j] = here.force[j];
     }
+    regrow(inputs, h, k);
     return 1;
 }
 
@@ -247,6 +267,7 @@ int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@N@], r
     for (int32_t i = 0; i < @NM@; i++) {
         k[i] *= size;
     }
+    regrow(inputs, h, k);
     return is_finite(sum) ? 1 : refuse(h, k);
 }
 
