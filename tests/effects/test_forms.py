@@ -314,13 +314,13 @@ def test_a_coefficient_of_the_wrong_sign_explains_nothing() -> None:
 
 
 def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
-    """A taper and a wrong length look like four other effects first."""
+    """A taper and a wrong length look like three other effects first."""
     hide = "taper=1,length_error=1"
     table = run_campaign(
         plan(), RigSettings(), None, hide=hide, seed=5, options=CampaignOptions(source=StandIn())
     )
     problem = assemble(choose_base(model(), table), table, list(all_effects()), None)
-    assert not {"taper", "length_error"} & {item.candidate.id for item in rank(problem)[:4]}
+    assert not {"taper", "length_error"} & {item.candidate.id for item in rank(problem)[:3]}
     chosen = search(problem, rank(problem))
     assert {item.id for item in chosen} == {"taper", "length_error"}
     assert all_needed(problem, chosen)
