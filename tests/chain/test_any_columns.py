@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm.effects import effects_of
+from ecm.effects import Rows, effects_of
 from ecm.errors import EcmError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
@@ -99,3 +99,16 @@ def test_each_step_ends_in_a_result_or_a_refusal(
             assert json.dumps(ecm.diagnose(with_effect, table).to_dict())
     assert added
     assert not [said for said in refused if "of shape" in said]
+
+
+def test_a_base_of_inputs_is_one_of_six_poses_at_the_inputs_of_each_row() -> None:
+    """Also where the sensor was free in some rows, and of some rows of a larger table."""
+    table = measured(POSE, WRENCH, "pressure")
+    kinds = np.where(np.arange(len(table)) % 20 == 0, "unloaded", "pose")
+    table = table.with_columns({"kind": kinds})
+    base = ecm.fit(table, "linear").base
+    for some in (table, table.subsample(np.arange(0, len(table), 3))):
+        rows = Rows(some, base)
+        for own in (rows, rows.whole):
+            np.testing.assert_allclose(own.of_six.wrench, own.wrench)
+            np.testing.assert_allclose(own.of_six.stiffness, own.stiffness[:, :, :6])

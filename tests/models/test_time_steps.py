@@ -109,6 +109,11 @@ def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path
     )
     left_out = other.controller().effects.left_out
     assert left_out["temperature_modulus"].startswith("another effect has another reference")
+    # A state begins at the reference: beside a memory the first step would be a sudden growth.
+    remembers = with_effects(plain, (ThermalExpansion(21.0), [3e-4]), BRANCHES)
+    effects = remembers.controller().effects
+    assert effects.acting == ["stress_relaxation"]
+    assert effects.left_out["thermal_expansion"] == "it has no step beside effects with a memory"
 
 
 @pytest.mark.parametrize(

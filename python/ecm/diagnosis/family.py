@@ -66,10 +66,12 @@ class Driver:
 
 @dataclass(frozen=True)
 class Family:
-    """A known driver of what is missing, or two or three of which one is; the form is not known."""
+    """A known driver of what is missing, or several of which one is; the form is not known."""
 
     driver: str
     """In words, the likeliest first; several are joined by "or"."""
+    drivers: int
+    """How many they are."""
     columns: tuple[str, ...]
     """Their columns in the table; a driver that follows from the order of the rows has none."""
     draft: str
@@ -130,6 +132,7 @@ def find_family(
     experiment = get_experiment(apart.experiment)
     return Family(
         driver=" or ".join(one.name for one in said),
+        drivers=len(said),
         columns=tuple(one.column for one in said if problem.table.has(one.column)),
         draft=draft_of(problem, said[0].column, said[0].history),
         like=tuple(dict.fromkeys(id for one in said[:fewest] for id in one.like)),
@@ -246,7 +249,7 @@ _COLUMNS = {
         "the temperature of the sensor", ("fts_thermal_drift",), "zero_warm_and_cold", 4
     ),
 }  # fmt: skip
-"""Column -> words, effects that it drives, experiment, functions of it."""
+"""Column -> words, effects that it drives, experiment, cosines of it."""
 
 
 def _drivers(problem: Problem) -> Iterator[Driver]:

@@ -272,7 +272,7 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield "state the length of the mechanism ([mechanism] length_m): an energy is the base then"
     if "family" in document:
         family = document["family"]
-        shows = "which of them, and its form" if len(family["columns"]) > 1 else "the form"
+        shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
         yield f"{family['experiment']} ({family['minutes']} min): shows {shows}"
     yield from _told_apart(document)
     yield from _of_unknown(unknown)

@@ -127,7 +127,7 @@ class ThermalExpansion(LinearEffect):
         "anything that grows with the temperature: the frame or a bracket of the camera",
         "the free length unclamped, warm and cold",
     )
-    signature = "K along the axis and a little of h, follows T"
+    signature = "2 f - K_f c and 3 m - K_m c, most along the axis, follows T"
     needs = "temperature that varies (temperature_degC), and the length"
     requires = (needs_columns("x_m"), needs_varying("temperature_degC", 0.25))
     kind = "time"

@@ -406,7 +406,7 @@ class Controller:
         dt_s
             Time since the step before; 0 is a sudden move, for which damping does not count.
         temperature_degC
-            Temperature of the mechanism; None: that at which the modulus was fitted.
+            Temperature of the mechanism; None: that of the model.
         age_s
             Time since the campaign in which ageing was found began.
         """

@@ -327,6 +327,11 @@ def _temperature(
 
 
 def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion, values: F) -> str:
+    if len(model.outputs) == 1 and model.outputs != ("fx_N",):
+        return _NOT_ALONG_A_LINE
+    if any(item.id in _WITH_A_MEMORY for item in model.effects):
+        # A state begins without a temperature: its first step would be the whole growth at once.
+        return "it has no step beside effects with a memory"
     if why := _referred(found, model, effect):
         return why
     alpha = float(values[0])
@@ -341,7 +346,7 @@ def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion,
     share = worst_over(noise_sd(model), stepped - change * effect.of_one_kelvin(rows))
     found.warnings.append(
         f"thermal_expansion steps with the larger body, which differs from what was fitted by at "
-        f"most {share:.2g} of the measurement noise."
+        f"most {share:.2g} of the measurement noise in the static wrench."
     )
     return ""
 
@@ -429,6 +434,9 @@ _MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
     "mullins_softening": _softening,
     "permanent_set": _set,
 }
+_WITH_A_MEMORY = {
+    "stress_relaxation", "hysteresis", "viscous_damping", "mullins_softening", "permanent_set"
+}  # fmt: skip
 _ALONG_A_LINE = (
     "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing"
 )  # fmt: skip

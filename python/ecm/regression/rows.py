@@ -304,13 +304,20 @@ class _OfSix:
 
 @dataclass(frozen=True)
 class _AtInputs:
-    """A map of six poses and of inputs as one of the poses of N rows, each at its own inputs."""
+    """A map of the six poses and of inputs as one of the poses, as maps with actuators are.
+
+    Bare poses (N, 6) are at the median of the inputs.
+    """
 
     base: BaseMap
-    values: F
-    """(N, a) inputs of the rows; other poses than theirs are at the median."""
+    median: F
+    """(a,) of the inputs."""
     inputs: ClassVar[tuple[str, ...]] = POSE
     outputs: ClassVar[tuple[str, ...]] = WRENCH
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        return self.base.inputs[6:]
 
     @property
     def length_m(self) -> float | None:
@@ -322,14 +329,15 @@ class _AtInputs:
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         return np.ascontiguousarray(self.base.stiffness(self._with_inputs(poses))[:, :, :6])
 
+    def actuation_jacobian(self, poses: F) -> F:
+        return np.ascontiguousarray(self.base.stiffness(self._with_inputs(poses))[:, :, 6:])
+
     def other_body(self, change: BodyChange) -> BaseMap | None:
         return None
 
     def _with_inputs(self, poses: F) -> F:
-        if len(poses) == len(self.values):
-            return np.hstack([poses, self.values])
-        middle = np.median(self.values, axis=0)
-        return np.hstack([poses, np.tile(middle, (len(poses), 1))])
+        bare = poses.shape[1] == len(POSE)
+        return np.hstack([poses, np.tile(self.median, (len(poses), 1))]) if bare else poses
 
 
 _MOST_STEPS, _LONGEST_STEP = 30, 0.3
@@ -419,7 +427,7 @@ class Rows:
         `guesses_torques` (`ecm.effects`). Other inputs of the map are those of each row.
         """
         if self.base.inputs[:6] == POSE != self.base.inputs and self.base.outputs == WRENCH:
-            return Rows(self.table, _AtInputs(self.base, self.poses[:, 6:]))
+            return Rows(self.table, _AtInputs(self.base, np.median(self.poses[:, 6:], axis=0)))
         forces = set(WRENCH[:3]) <= set(self.base.outputs)
         if not forces or self.base.inputs != POSE or is_whole(self.base):
             return self
