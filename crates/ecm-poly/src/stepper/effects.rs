@@ -114,6 +114,10 @@ impl<R: Real> Effects<R> {
         R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
     }
 
+    fn grows(&self) -> bool {
+        self.growth_per_kelvin * self.growth_per_kelvin > R::ZERO
+    }
+
     /// Size of the body over that at T0.
     fn grown(&self, inputs: &Inputs<R>) -> R {
         R::ONE + self.growth_per_kelvin * (inputs.temperature_degc - self.reference_degc)
@@ -121,6 +125,9 @@ impl<R: Real> Effects<R> {
 
     /// The pose at which the body, had it not grown, would be deformed as it is at this one.
     pub(crate) fn ungrown(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<Pose<R>> {
+        if !self.grows() {
+            return Some(*pose);
+        }
         let g = self.grown(inputs);
         let mut p = pose.to_array();
         p.iter_mut().take(3).for_each(|x| *x = *x / g);
@@ -134,6 +141,9 @@ impl<R: Real> Effects<R> {
         mut tangent: Mat6<R>,
         inputs: &Inputs<R>,
     ) -> (Wrench<R>, Mat6<R>) {
+        if !self.grows() {
+            return (*wrench, tangent);
+        }
         let g = self.grown(inputs);
         let powers = [g * g, g * g * g];
         for (i, row) in tangent.iter_mut().enumerate() {

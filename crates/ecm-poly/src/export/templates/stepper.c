@@ -86,6 +86,9 @@ static real grown(const inputs_t *inputs)
 static const real *ungrown(const real *p, const inputs_t *inputs, real *own)
 {
     const real size = grown(inputs);
+    if (!(growth_per_kelvin * growth_per_kelvin > R(0))) {
+        return p;
+    }
     for (int32_t i = 0; i < @N@; i++) {
         own[i] = i < 3 ? p[i] / size : p[i];
     }
@@ -96,6 +99,9 @@ static const real *ungrown(const real *p, const inputs_t *inputs, real *own)
 static void regrow(const inputs_t *inputs, real *h, real *k)
 {
     const real size = grown(inputs);
+    if (!(growth_per_kelvin * growth_per_kelvin > R(0))) {
+        return;
+    }
     for (int32_t i = 0; i < @N@; i++) {
         const real power = i < 3 ? size * size : size * size * size;
         h[i] *= power;
