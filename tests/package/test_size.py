@@ -13,7 +13,7 @@ LIMITS = {
     "benches": (5_911, 51),
     "examples": (1_516, 13),
     "tests": (32_037, 230),
-    "crates": (34_360, 198),
+    "crates": (34_375, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
 that grows with its temperature, as an effect, in the rig, in a step and in exported C and Rust, and

@@ -114,7 +114,8 @@ impl<R: Real> Effects<R> {
         R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
     }
 
-    fn grows(&self) -> bool {
+    #[inline(always)]
+    pub(crate) fn grows(&self) -> bool {
         self.growth_per_kelvin * self.growth_per_kelvin > R::ZERO
     }
 
@@ -125,9 +126,6 @@ impl<R: Real> Effects<R> {
 
     /// The pose at which the body, had it not grown, would be deformed as it is at this one.
     pub(crate) fn ungrown(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<Pose<R>> {
-        if !self.grows() {
-            return Some(*pose);
-        }
         let g = self.grown(inputs);
         let mut p = pose.to_array();
         p.iter_mut().take(3).for_each(|x| *x = *x / g);
@@ -141,9 +139,6 @@ impl<R: Real> Effects<R> {
         mut tangent: Mat6<R>,
         inputs: &Inputs<R>,
     ) -> (Wrench<R>, Mat6<R>) {
-        if !self.grows() {
-            return (*wrench, tangent);
-        }
         let g = self.grown(inputs);
         let powers = [g * g, g * g * g];
         for (i, row) in tangent.iter_mut().enumerate() {

@@ -119,7 +119,14 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             return None;
         }
         let effects = &self.effects;
-        let here = self.here(&effects.ungrown(pose, inputs)?)?;
+        let small;
+        let pose = if effects.grows() {
+            small = effects.ungrown(pose, inputs)?;
+            &small
+        } else {
+            pose
+        };
+        let here = self.here(pose)?;
         let set = self.after_set(&here, state)?;
         let q = here.frame.coordinates();
         let force = here.frame.generalised_force(&here.wrench);
@@ -223,7 +230,10 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         state.coordinates = q;
         state.force = force;
         state.largest = largest;
-        Some(effects.regrown(&wrench, tangent, inputs))
+        if effects.grows() {
+            return Some(effects.regrown(&wrench, tangent, inputs));
+        }
+        Some((wrench, tangent))
     }
 
     /// The steps through poses that are planned, dt (s) apart, from a state that stays as it is.
