@@ -87,7 +87,7 @@ def test_of_a_table_with_one_force_the_draft_is_an_effect_as_well() -> None:
     assert found.verdict == "family"
     assert found.family is not None
     assert found.family.driver == "humidity_percent"
-    assert found.probability == found.family.probability > 0.8
+    assert found.probability == found.family.probability > 0.5
     assert "follows humidity_percent" in found.summary().missing
     exec(compile(found.family.draft, "skeleton", "exec"), {})
     try:
