@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_917, 200),
+    "python/ecm": (41_914, 200),
     "benches": (5_911, 51),
     "examples": (1_516, 13),
     "tests": (32_037, 230),

@@ -64,14 +64,33 @@ def settled(time_s: F, tau_s: float) -> F:
     return np.asarray(np.minimum(time_s, 0.0) - tau_s * np.expm1(-np.maximum(time_s, 0.0) / tau_s))
 
 
-def _warmer(rows: Rows, reference_degC: float | None) -> F:
-    """(N,) temperature over the reference, in K; without one over the mean of the table."""
-    temperature = rows.table.column("temperature_degC")
-    return temperature - (temperature.mean() if reference_degC is None else reference_degC)
+@dataclass(eq=False)
+class OfTemperature(LinearEffect):
+    """What is proportional to the temperature over a reference."""
+
+    kind = "time"
+
+    reference_degC: float | None = optional(None)
+    """Temperature at which the correction is zero; None: the mean of the table."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Referred to the mean temperature of the table."""
+        mean = round(float(table.column("temperature_degC").mean()), 3)
+        return (replace(self, reference_degC=mean),)
+
+    def columns(self, rows: Rows) -> F:
+        """(T - T0) times that of one kelvin."""
+        temperature = rows.table.column("temperature_degC")
+        zero = temperature.mean() if self.reference_degC is None else self.reference_degC
+        return np.asarray(((temperature - zero)[:, None] * self.of_one_kelvin(rows))[:, :, None])
+
+    def of_one_kelvin(self, rows: Rows) -> F:
+        """(N, m) correction of one kelvin over the reference, of a parameter of 1."""
+        raise NotImplementedError(f"effect {self.id} has no correction of one kelvin")
 
 
 @dataclass(eq=False)
-class TemperatureModulus(LinearEffect):
+class TemperatureModulus(OfTemperature):
     """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
 
     Of either sign: an ideal rubber has beta = -1 / T, that is -0.0034 / K at 20 degrees C.
@@ -91,24 +110,15 @@ class TemperatureModulus(LinearEffect):
     signature = "proportional to h, follows T"
     needs = "temperature that varies (temperature_degC)"
     requires = (needs_varying("temperature_degC", 0.25),)
-    kind = "time"
     rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
-    reference_degC: float | None = optional(None)
-    """Temperature at which the correction is zero; None: the mean of the table."""
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Referred to the mean temperature of the table."""
-        return (TemperatureModulus(round(float(table.column("temperature_degC").mean()), 3)),)
-
-    def columns(self, rows: Rows) -> F:
-        """-(T - T0) h."""
-        warmer = _warmer(rows, self.reference_degC)
-        return np.asarray(-(warmer[:, None] * rows.material_wrench)[:, :, None])
+    def of_one_kelvin(self, rows: Rows) -> F:
+        """-h."""
+        return -rows.material_wrench
 
 
 @dataclass(eq=False)
-class ThermalExpansion(LinearEffect):
+class ThermalExpansion(OfTemperature):
     """alpha (T - T0) (2 f - K_f c, 3 m - K_m c), c the platform's place; T0 is the table's mean.
 
     A body that is larger by g in all directions has at a place c the forces g^2 f(c / g) and the
@@ -130,20 +140,7 @@ class ThermalExpansion(LinearEffect):
     signature = "2 f - K_f c and 3 m - K_m c, most along the axis, follows T"
     needs = "temperature that varies (temperature_degC), and the length"
     requires = (needs_columns("x_m"), needs_varying("temperature_degC", 0.25))
-    kind = "time"
     rivals = {"temperature_modulus": "warm_and_cold", "fts_thermal_drift": "zero_warm_and_cold"}
-
-    reference_degC: float | None = optional(None)
-    """Temperature at which the correction is zero; None: the mean of the table."""
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Referred to the mean temperature of the table."""
-        return (ThermalExpansion(round(float(table.column("temperature_degC").mean()), 3)),)
-
-    def columns(self, rows: Rows) -> F:
-        """(T - T0) (2 f - K_f c, 3 m - K_m c)."""
-        warmer = _warmer(rows, self.reference_degC)
-        return np.asarray((warmer[:, None] * self.of_one_kelvin(rows))[:, :, None])
 
     def of_one_kelvin(self, rows: Rows) -> F:
         """(N, m) (2 f - K_f c, 3 m - K_m c)."""

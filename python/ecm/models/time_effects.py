@@ -17,6 +17,7 @@ from ecm.effects import Effect
 from ecm.effects.ageing import (
     Ageing,
     MullinsSoftening,
+    OfTemperature,
     PermanentSet,
     TemperatureModulus,
     ThermalExpansion,
@@ -351,9 +352,7 @@ def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion,
     return ""
 
 
-def _referred(
-    found: TimeEffects, model: EvaluatedModel, effect: TemperatureModulus | ThermalExpansion
-) -> str:
+def _referred(found: TimeEffects, model: EvaluatedModel, effect: OfTemperature) -> str:
     """Add the reference and the range of the temperature."""
     reference = effect.reference_degC
     if reference is None:
