@@ -133,7 +133,9 @@ def section(group: str, effect: Effect) -> Iterator[str]:
     yield from (f"{text(part)}\n" for part in more)
     forms = meanings(type(effect)) if hasattr(effect, "__dataclass_fields__") else {}
     shown = {
-        name: what for name, what in forms.items() if what and name in type(effect).__annotations__
+        name: what
+        for name, what in forms.items()
+        if what and name in type(effect).__dataclass_fields__
     }
     if shown:
         yield "Its forms differ in\n"
