@@ -254,6 +254,8 @@ _TREES = st.recursive(
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(_TREES)
 @example("(x_m - x_m)**(a)")
+@example("min(log(-1)**(a), x_m)")
+@example("max(sqrt(x_m - x_m), x_m)")
 def test_slopes_are_those_of_differences(tree: str) -> None:
     base = Expression(f"fx_N = x_m + y_m + a + b + {tree}", a=0.7, b=1.3).map()
     at = np.array([0.37, 0.83, 0.7, 1.3])

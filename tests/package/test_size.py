@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_914, 200),
+    "python/ecm": (41_917, 200),
     "benches": (5_911, 51),
     "examples": (1_516, 13),
-    "tests": (32_037, 230),
+    "tests": (32_039, 230),
     "crates": (34_375, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body

@@ -164,8 +164,8 @@ FUNCTIONS: dict[str, _Function] = {
     "abs": (np.abs, np.sign),
 }
 """Functions of one argument, with their slopes."""
-_PAIRS = {"min": np.less, "max": np.greater}
-"""Functions of two arguments, and when the first is taken."""
+_PAIRS = {"min": (np.minimum, np.less), "max": (np.maximum, np.greater)}
+"""Functions of two arguments, and when the first is taken; no number stays no number."""
 _WORDS = f"+ - * / **, numbers, {', '.join((*FUNCTIONS, *_PAIRS, *_CONSTANTS))}"
 
 
@@ -174,6 +174,10 @@ class _Dual:
 
     def __init__(self, value: Any, slope: F | None = None) -> None:
         self.value, self.slope = np.asarray(value, dtype=np.float64), slope
+
+    def where(self, taken: Any) -> F | None:
+        """The slope at the rows (N,) that are taken; elsewhere it may be no number."""
+        return None if self.slope is None else np.where(taken[..., None], self.slope, 0.0)
 
     def times(self, factor: Any) -> F | None:
         """The slope times a factor (N,).
@@ -232,9 +236,10 @@ def _value(node: ast.expr, known: Mapping[str, _Dual]) -> _Dual:
         function, slope = FUNCTIONS[name]
         return _Dual(function(first.value), first.times(slope(first.value)))
     other = others[0]
-    taken = _PAIRS[name](first.value, other.value)
-    value = np.where(taken, first.value, other.value)
-    return _Dual(value, _sum(first.times(taken * 1.0), other.times(~taken * 1.0)))
+    function_of_two, takes_first = _PAIRS[name]
+    taken = takes_first(first.value, other.value)
+    value = function_of_two(first.value, other.value)
+    return _Dual(value, _sum(first.where(taken), other.where(~taken)))
 
 
 @dataclass(frozen=True)
