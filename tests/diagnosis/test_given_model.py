@@ -74,7 +74,8 @@ def test_aprils_model_on_mays_data() -> None:
     assert found.model.as_given.over_noise == pytest.approx(compare(april, may).whitened_rms)
     refitted = found.model.refitted
     assert refitted is not None
-    assert refitted.over_noise == pytest.approx(1.0, abs=0.1)
+    assert refitted.over_noise is not None
+    assert 1.0 < refitted.over_noise < 1.2  # on held-out rows, with many coefficients
     assert "its form is fine, its numbers are not" in found.sentence()
     assert found.rmse.before["fx_N"] > 3.0 * found.model.base_errors.rmse["fx_N"]
 

@@ -84,6 +84,17 @@ def test_what_diagnose_promises_is_reached(name: str, measured: Table) -> None:
     exec(found.summary().add.partition("   (")[0], typed)  # the call that is printed
     reached = typed["better"].history[-1].held_out
     assert found.addition.after == pytest.approx(reached, rel=1e-12)
+    # One error of one model has one number; that of the base is said in the first line alone.
+    refitted = found.model.refitted
+    assert refitted is not None
+    if found.model.is_base:
+        assert refitted == found.model.base_errors
+        assert "this model" not in found.summary().add
+        assert f"{refitted.over_noise:.2f} -> " in found.summary().missing
+    else:
+        assert refitted.over_noise == pytest.approx(found.addition.before)
+        assert f"(this model {refitted.over_noise:.2f} -> " in found.summary().add
+    assert f"{refitted.over_noise:.3g} times the noise on held-out rows" in found.sentence()
 
 
 def test_the_command_line_saves_neither_and_types_the_way_out(

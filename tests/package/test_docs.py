@@ -40,6 +40,7 @@ COMMAND = re.compile(r"(?:^|[\s;&(])ecm ([a-z]+)([^\n;&|#]*)", re.MULTILINE)
 OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]*")
 
 TEST = re.compile(r"(?<![\w/])(?:(test_\w+)(…?)(?!\w|\.py)|([a-z]+(?:_[a-z]+)+)…)")
+SELECTED = re.compile(r"pytest (tests/[\w/.]+) -k (?:\"([^\"]+)\"|(\w+))")
 FUNCTION = re.compile(r"^\s*(?:def|fn) (\w+)\(", re.MULTILINE)
 
 PAGE = re.compile(r"(?<![\w*{}./-])[\w./-]*\w\.md\b")
@@ -90,8 +91,15 @@ def functions_of_tests() -> set[str]:
 
 
 def missing_tests(text: str) -> list[str]:
-    """Tests that a page names and that do not exist; `…` stands for the rest of a name."""
+    """Tests that a page names or selects and that do not exist; `…` is the rest of a name."""
     lacking = []
+    for place, several, one in SELECTED.findall(text):
+        path = ROOT / place
+        files = [path] if path.is_file() else sorted(path.rglob("*.py"))
+        own = "\n".join(
+            name for file in files for name in FUNCTION.findall(file.read_text("utf-8"))
+        )
+        lacking += [word for word in (several or one).split(" or ") if word not in own]
     for python, rest, rust in TEST.findall(text):
         name, whole = python or rust, bool(python and not rest)
         known = functions_of_tests()
@@ -223,7 +231,9 @@ def test_what_does_not_exist_is_noticed() -> None:
     text = "`python/ecm/rig/nowhere.py`, `nowhere.py`, [page](nowhere/page.md), `ecm/rig/NAME.md`"
     assert len(set(missing_files(page, text))) == 4
     assert not list(missing_files(page, "`python/ecm/rig/NAME.py`, `tests/rig/test_arm.py`"))
-    assert missing_tests("`test_nowhere`, `test_what_does…`, nothing_is_nowhere…") == [
+    selected = '`pytest tests/package -k "what_does or not_here"`'
+    assert missing_tests(f"{selected}, `test_nowhere`, `test_what_does…`, nothing_is_nowhere…") == [
+        "not_here",
         "test_nowhere",
         "nothing_is_nowhere",
     ]

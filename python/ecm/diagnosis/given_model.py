@@ -31,6 +31,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
 from ecm.io.events import fields_json
 from ecm.io.table import Table
+from ecm.models.errors import held_out
 from ecm.models.joint_fit import JointFit
 from ecm.models.literature import LEARNED
 from ecm.models.model import Model
@@ -158,6 +159,12 @@ class Errors:
             return f"{sized}, {100.0 * self.of_spread:.2g} % of the spread"
         return f"{self.over_noise:.3g} times the noise ({sized})"
 
+    def of_fit(self) -> str:
+        """Return the error of a fit to these rows, which is that of rows held out of it."""
+        if self.of_spread is not None:
+            return str(self)
+        return f"{self.over_noise:.3g} times the noise on held-out rows"
+
 
 @dataclass(frozen=True)
 class GivenModel:
@@ -219,7 +226,7 @@ class GivenModel:
         if not self.is_base:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
-            text += f"; names are against {other}, which errs {self.base_errors}"
+            text += f"; names are against {other}, which errs {self.base_errors.of_fit()}"
         if self.statement is not None:
             return f"{text}. The table looks misread: {self.statement.sentence()}."
         return f"{text}.{self._advice()}"
@@ -238,7 +245,7 @@ class GivenModel:
                 "Change the model first.",
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
-        again = f"it errs {self.refitted}"
+        again = f"it errs {self.refitted.of_fit()}"
         if self.reason == "rows":
             return (
                 " In the base rows that are unlike all others count less: look at them (ecm "
@@ -404,12 +411,14 @@ class _Judged:
         return again, fit_or_none(again.base, accepted, again.rows.table, noise)
 
     def of_fit(self, fit: JointFit | None) -> Errors | None:
-        """Errors of a fit, each coefficient a degree of freedom."""
+        """Errors of a fit, over the noise on held-out rows as those of the base."""
         if fit is None:
             return None
         scored = fit.rows.table.of_poses
         whitened, residual = fit.whitened[scored], fit.residual[scored]
-        error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
+        error = held_out(fit)
+        if error is None:  # one part only: each coefficient is a degree of freedom
+            error = np.sqrt((whitened**2).sum() / max(1, whitened.size - fit.design.shape[2]))
         rmse = np.sqrt((residual**2).mean(axis=0)).tolist()
         table = self.decision.prepared.table
         return _sized(table, float(error), rmse, fit.base.outputs, noise=self.result.noise)

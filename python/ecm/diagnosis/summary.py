@@ -244,10 +244,9 @@ def _add(document: Mapping[str, Any]) -> str:
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
-        brings = (
-            "" if after is None else f"   (this model {before:.2f} -> {after:.2f} times the noise)"
-        )
-        return f"{command}{brings}"
+        if after is None or document["model"]["is_base"]:  # the first line says it of the base
+            return command
+        return f"{command}   (this model {before:.2f} -> {after:.2f} times the noise)"
     if document["verdict"] in ("named", "ambiguous") and not without_inputs:
         return "nothing: the model has it already; refit it to these rows"
     if (remedy := document["model"].get("remedy")) is not None:
@@ -388,11 +387,11 @@ def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
             if document["answer"]
         ),
         *(table for table in tables if table.rows),
-        *_addition(document.get("addition")),
+        *_addition(document.get("addition"), document["model"]["is_base"]),
     ]
 
 
-def _addition(addition: Mapping[str, Any] | None) -> list[Block]:
+def _addition(addition: Mapping[str, Any] | None, is_base: bool) -> list[Block]:
     """What adding the effects to the given model brings, and the command."""
     if addition is None:
         return []
@@ -400,7 +399,7 @@ def _addition(addition: Mapping[str, Any] | None) -> list[Block]:
     text = f"Add it: {names}"
     if addition["refused"]:
         text += f" cannot be added to this model: {addition['refused']}"
-    elif held_out["after"] is not None:
+    elif held_out["after"] is not None and not is_base:
         text += f"; this model's held-out error {held_out['before']:.2f} -> "
         text += f"{held_out['after']:.2f} times the noise"
     if addition["remedy"] is None:
