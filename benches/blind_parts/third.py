@@ -240,7 +240,7 @@ HIDDEN: Mapping[str, Hidden] = {
     "five sliders": Hidden(_sliders, ("hysteresis",), _WAY),
     "uneven friction": Hidden(_uneven_friction, ("hysteresis",), _WAY),
     "stretched exponential": Hidden(_stretched, ("stress_relaxation",), "the time at rest"),
-    "modulus and expansion": Hidden(_warm, ("temperature_modulus",), _WARMTH),
+    "modulus and expansion": Hidden(_warm, ("temperature_modulus", "thermal_expansion"), _WARMTH),
     "wear below the largest load": Hidden(_worn, ("mullins_softening",), _LARGEST),
     "hardening in log time": Hidden(_hardened, ("ageing",), "time"),
     "wandering zero": Hidden(_wandering, ("fts_drift",), "time"),

@@ -17,6 +17,7 @@ from ecm.comparison import compare
 from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank
+from ecm.diagnosis.verdict import WEIGHTS, probability
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
@@ -98,6 +99,19 @@ def test_two_effects_are_both_named() -> None:
     assert any("payload" in members for members in named)
     assert any("temperature_modulus" in members for members in named)
     assert diagnosis.held_out.after < 1.1
+
+
+def test_a_further_effect_that_makes_the_answer_unlikely_is_no_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is left by the form of the first effect looks like a small second one."""
+    table = with_effect(campaign("payload", 1.0, 4), "temperature_modulus", [0.004])
+    both = find_missing(model(), table)
+    assert {members[0] for members in both.answer} == {"payload", "temperature_modulus"}
+    monkeypatch.setitem(WEIGHTS, "named", (3.0, 0.0, 0.0, 2.0, 0.0))
+    one = find_missing(model(), table)
+    assert one.answer == (("payload",),)
+    assert probability(both) < 0.5 < probability(one)
 
 
 def test_structure_without_a_name_is_unknown() -> None:

@@ -48,7 +48,7 @@ from ecm.diagnosis.problem import (
     noise_by_rest,
 )
 from ecm.diagnosis.result import Diagnosis, report
-from ecm.diagnosis.search import Ranked, delta_chi2, rank, search
+from ecm.diagnosis.search import Ranked, delta_chi2, rank, search, without
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
     EQUAL,
@@ -58,7 +58,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, probability, verdict
+from ecm.diagnosis.verdict import Decision, probability, unlikely_effect, verdict
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -473,9 +473,16 @@ def decide(
         problem, ranking, chosen = replace(nearer, held=problem.held), order, again
         if same:
             break
-    accepted = stages.accept(problem, chosen, seed)
-    left = stages.leftover(problem, first, accepted.effects)
-    found = Decision(prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left)
+    for _ in range(settings.most_effects):
+        accepted = stages.accept(problem, chosen, seed)
+        left = stages.leftover(problem, first, accepted.effects)
+        found = Decision(
+            prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left
+        )
+        unlikely = unlikely_effect(found)
+        if unlikely is None:
+            break
+        chosen = without(accepted.effects, unlikely)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
 
 

@@ -244,9 +244,10 @@ def _add(document: Mapping[str, Any]) -> str:
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
-        if after is None or document["model"]["is_base"]:  # the first line says it of the base
-            return command
-        return f"{command}   (this model {before:.2f} -> {after:.2f} times the noise)"
+        brings = ""
+        if after is not None and not document["model"]["is_base"]:  # the first line says that one
+            brings = f"   (this model {before:.2f} -> {after:.2f} times the noise)"
+        return f"{command}{brings}"
     if document["verdict"] in ("named", "ambiguous") and not without_inputs:
         return "nothing: the model has it already; refit it to these rows"
     if (remedy := document["model"].get("remedy")) is not None:

@@ -4,7 +4,8 @@ The chance of chance alone is far below 1e-6 for nearly every name; what makes n
 another cause looks alike, or that the truth is in no catalogue. So the probability is the share of
 right verdicts of the same evidence among sets whose cause is known (Platt 1999): logit P = w'x,
 
-    x = (1, log of the chi^2 that the weakest effect explains, members of the largest class)
+    x = (1, log of the chi^2 that the weakest effect explains, members of the largest class,
+         log of its share in what all effects explain, log of the share that they leave)
 
 for a name or a class, x = (1, log odds of nothing in the posterior) for `none`, and x = (1) for
 `unknown` and a family. `benches/blind_calibration.py` fits w and prints how often verdicts of each
@@ -13,7 +14,7 @@ probability were right.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -33,7 +34,7 @@ from ecm.diagnosis.left_over import (
     runs_apart,
 )
 from ecm.diagnosis.preparation import Prepared
-from ecm.diagnosis.problem import OUTLIER_CHANCE, Problem
+from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
 from ecm.diagnosis.search import Ranked, delta_chi2, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -216,14 +217,30 @@ def _pattern_instead(
     return None if beside is None else pattern
 
 
-WEIGHTS = {"named": (-1.1, 0.64, -0.54), "none": (2.61, 0.49), "unknown": (2.27,),
+WEIGHTS = {"named": (0.28, 0.17, -0.55, 1.11, -0.53), "none": (2.61, 0.49), "unknown": (2.27,),
            "family": (0.75,)}  # fmt: skip
-"""w by verdict, of 714 answers of the seeds 101 to 103, of `unknown` and families of 106, 107; an
-`ambiguous` one is as a named one."""
+"""w by verdict: of 624 names and classes of the seeds 101 to 103, 109 and 110, of `none` of 101 to
+103, of `unknown` and families of 106, 107; an `ambiguous` one is as a named one."""
 
 
 _AS_LIKELY = 0.5
 """Least probability of a name or class: below it the contrary is likelier."""
+_LEAST_LEFT = 0.003
+"""Share that names leave below which no less tells no more: the forms of right effects leave it."""
+
+
+def _gains(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
+    """Return the chi^2 that each effect explains beside the others."""
+    total = delta_chi2(problem, effects)
+    return [total - delta_chi2(problem, without(effects, item)) for item in effects]
+
+
+def unlikely_effect(found: Decision) -> Candidate | None:
+    """Return the weakest of several effects with which the answer is less likely than not."""
+    effects = found.accepted.effects
+    if len(effects) < 2 or probability(replace(found, verdict="named")) >= _AS_LIKELY:
+        return None
+    return effects[int(np.argmin(_gains(found.problem, effects)))]
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
@@ -231,11 +248,10 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     if decision.verdict in ("named", "ambiguous"):
         effects, classes = decision.accepted.effects, decision.accepted.classes
         total = delta_chi2(decision.problem, effects)
-        weakest = min(
-            total - delta_chi2(decision.problem, without(effects, item)) for item in effects
-        )
-        members = max(len(one) for one in classes)
-        return "named", (1.0, float(np.log(max(weakest, 1.0))), float(members))
+        weakest = max(1.0, min(_gains(decision.problem, effects)))
+        members = float(max(len(one) for one in classes))
+        share, left = weakest / max(total, weakest), np.clip(decision.left.share, _LEAST_LEFT, 1.0)
+        return "named", (1.0, float(np.log(weakest)), members, *map(float, np.log([share, left])))
     if decision.verdict == "none":
         nothing = decision.without_effects.of_nothing
         return "none", (1.0, float(np.clip(np.log(nothing / max(1.0 - nothing, 1e-9)), -5.0, 5.0)))
