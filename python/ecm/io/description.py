@@ -26,6 +26,7 @@ from ecm.io.settings import (
     Checked,
     check_keys,
     parse_toml,
+    read_sections,
     read_settings,
     read_toml,
     setting,
@@ -451,12 +452,8 @@ class Meta:
         check_keys(mechanism, MECHANISM_KEYS, f"{where} [mechanism]")
         if mechanism and "mesh" not in mechanism:
             Mechanism.from_dict(mechanism, f"{where} [mechanism]")
-        sections: dict[str, Any] = {
-            name: read_settings(of, document.get(name, {}), f"{where} [{name}]")
-            for name, of in _SECTIONS.items()
-        }
         return Meta(
-            **sections,
+            **read_sections(_SECTIONS, document, where),
             columns=columns,
             group=group,
             mechanism=dict(mechanism),
