@@ -331,8 +331,7 @@ class Run:
     @cached_property
     def top_from_sensor(self) -> F:
         """Adjoint (6, 6) from the sensor's frame to the platform's."""
-        frame = self.bench.instrument.top_from_sensor
-        return np.eye(6) if frame is None else np.asarray(wrench_adjoint(frame))
+        return wrench_adjoint(self.bench.instrument.top_from_sensor)
 
     def why_again(self) -> str:
         """Words for why the last reading is to be repeated; empty where it agrees."""
