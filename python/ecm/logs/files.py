@@ -215,12 +215,9 @@ def _header(
         if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z
             names = grouped_names([cell.strip() for cell in rows[-2]], names)
     else:
-        names = _named_by_comment(comments, separator, width)
-    names = [
-        " ".join(name.strip().strip('"').split()) or f"column_{i + 1}"
-        for i, name in enumerate(names)
-    ]
-    names = unique_names(names or [f"column_{i + 1}" for i in range(width)])
+        names = _named_by_comment(comments, separator, width) or [""] * width
+    words = (" ".join(name.strip().strip('"').split()) for name in names)
+    names = unique_names(word or f"column_{i}" for i, word in enumerate(words, 1))
     units = {n: u for n, u in zip(names, unit_row, strict=False) if _is_unit(u)}
     return names, units
 
@@ -256,7 +253,6 @@ def _columns(
             columns[name] = cells
             continue
         values = np.array([number(str(cell), comma) for cell in cells])
-        times = None
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         elif (times := seconds_of_dates(cells)) is not None:

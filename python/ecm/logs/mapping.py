@@ -191,7 +191,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
                 f"--map {first}={name} or --map {second}={name}",
                 *(named_as(standard, name) for standard in _likely(standards, sure, rotation)),
             )
-        if guesses and not standards and guesses[0].quantity in _WITHOUT_AXIS:
+        if doubtful:
             _ask_axis(name, guesses[0], source, sure)
         for standard in standards - choices.columns.keys():
             if standard in found:
