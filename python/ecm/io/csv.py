@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError, Remedy, shortened
+from ecm.io.arrays import B, I
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
 from ecm.io.events import Progress
@@ -156,7 +157,7 @@ class RowErrors:
     """All bad cells and rows of one table."""
 
     source: str
-    numbers: Sequence[int] | NDArray[np.int64]
+    numbers: I
     """Line of the file (or number) of each data row."""
     word: str
     """What the numbers count: line or row."""
@@ -173,6 +174,10 @@ class RowErrors:
     def bad_numbers(self) -> set[int]:
         """Return the lines of the bad rows."""
         return {error.number for error in self.errors}
+
+    def good(self) -> B:
+        """(N,) whether each row is without errors so far."""
+        return ~np.isin(self.numbers, list(self.bad_numbers()))
 
     def summary(self) -> str:
         """Return the count and the first ten places."""
