@@ -34,7 +34,7 @@ class RawTable:
     names: tuple[str, ...]
     columns: tuple[Cells, ...]
     """The cells of each name."""
-    numbers: Sequence[int] | NDArray[np.int64]
+    numbers: I
     """Line of the file (CSV, from 1) or number of each row, for messages."""
     word: str
     """What the numbers count: `line` or `row`."""
@@ -74,7 +74,7 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     if len(set(lengths.values())) > 1:
         raise InputError(f"{source}: the columns have different lengths: {lengths}")
     size = next(iter(lengths.values()), 0)
-    rows = range(first_row, first_row + size)
+    rows = np.arange(first_row, first_row + size, dtype=np.int64)
     return RawTable(tuple(named), tuple(named.values()), rows, "row")
 
 
@@ -311,7 +311,7 @@ def read_lines(
     """
     lines = iter(lines)
     columns = [_Column(own) for own in text or [False] * len(names)]
-    numbers: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    numbers: list[I] = [np.zeros(0, dtype=np.int64)]
     start = list(islice(lines, _BLOCK))
     while start and (found := _plain_columns(start, columns, separator, comma)):
         for column, own in zip(columns, found, strict=True):

@@ -108,8 +108,7 @@ def without_rows(
     )
     words = ", ".join(f"{reason} {shown_ranges(own)}" for reason, own in gone.items())
     sentence = f"{source}: {len(rows)} of {size} rows are left out by [leave_out]: {words}"
-    numbers = np.asarray(raw.numbers)[kept - 1]
-    return replace(raw, columns=columns, numbers=numbers), kept, (sentence,)
+    return replace(raw, columns=columns, numbers=raw.numbers[kept - 1]), kept, (sentence,)
 
 
 def _lines_of(text: str, section: str) -> Iterator[tuple[str, bool]]:

@@ -45,7 +45,7 @@ def validated_columns(
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []
     mapping = _mapping(raw, meta, source)
-    errors = RowErrors(source, np.asarray(raw.numbers, dtype=np.int64), raw.word)
+    errors = RowErrors(source, raw.numbers, raw.word)
     for line, count in raw.ragged:
         expected = f"{len(raw.names)} as in the header"
         errors.errors.append(RowError(line, "", f"{count} cells", expected))
