@@ -224,11 +224,10 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     >>> given_units(["mm", "bar"])["pressure"].factor
     100000.0
     """
-    own = [unit for word in words if (unit := _of_chambers(word)) is not None]
     others = columns.given_units([word for word in words if _of_chambers(word) is None])
     si = ("Pa", "m3") if any(word.strip().upper() == "SI" for word in words) else ()
-    stated = [unit for word in si if (unit := _of_chambers(word)) is not None] + own
-    return others | {unit.dimension: unit for unit in stated}
+    own = [unit for word in (*si, *words) if (unit := _of_chambers(word)) is not None]
+    return others | {unit.dimension: unit for unit in own}
 
 
 def read_name(name: str, unit_word: str = "") -> Named:
