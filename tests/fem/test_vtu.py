@@ -9,7 +9,8 @@ import pytest
 
 from ecm._native import Mesh, rotation_matrices
 from ecm.cli import run
-from ecm.io.table import POSE, read_table
+from ecm.io.columns import POSE
+from ecm.io.table import read_table
 
 LENGTH, RADIUS = 0.1034, 0.033
 CONFIG = f"""

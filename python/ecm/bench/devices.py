@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from importlib import import_module, metadata
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from ecm.errors import ComputationError, EcmError, InputError
@@ -65,6 +65,7 @@ SHIPPED = {
     "epics-actuators": "ecm.bench.epics:EpicsActuators",
 }
 """Kinds of devices of this package: module and class."""
+_GROUP = "ecm.bench"
 
 
 class DeviceError(ComputationError):
@@ -82,14 +83,8 @@ def device_kinds() -> dict[str, Callable[[], Any]]:
     >>> sorted(device_kinds())[:2]
     ['aruco', 'ati-net-ft']
     """
-    own = {point.name: point.load for point in metadata.entry_points(group="ecm.bench")}
-    shipped = {name: _loader(place) for name, place in SHIPPED.items()}
-    return own | shipped
-
-
-def _loader(place: str) -> Callable[[], Any]:
-    module, _, name = place.partition(":")
-    return lambda: getattr(import_module(module), name)
+    shipped = [EntryPoint(name, place, _GROUP) for name, place in SHIPPED.items()]
+    return {point.name: point.load for point in (*entry_points(group=_GROUP), *shipped)}
 
 
 def opened(kind: str, settings: Mapping[str, Any], where: str) -> Device:

@@ -64,18 +64,16 @@ class LineDevice:
         self._csv = form == "csv"
         self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
         self._address = address
-        self._socket: socket.socket | None = None
-        self._port: Any = None
+        self._link: Any
         host, colon, port = address.rpartition(":")
         if colon and port.isdigit():
-            self._socket = socket.create_connection((host, int(port)), timeout=timeout_s)
-            self._fd = self._socket.fileno()
-            return
-        if not os.path.exists(address):
+            self._link = socket.create_connection((host, int(port)), timeout=timeout_s)
+        elif os.path.exists(address):
+            serial = require("serial", "measure", f"The serial port {address}")
+            self._link = serial.Serial(address, baud, timeout=0)
+        else:
             raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
-        serial = require("serial", "measure", f"The serial port {address}")
-        self._port = serial.Serial(address, baud, timeout=0)
-        self._fd = self._port.fileno()
+        self._fd = self._link.fileno()
 
     def start(self, pose: F) -> None:
         """Begin to move to a pose (6,)."""
@@ -122,9 +120,7 @@ class LineDevice:
 
     def close(self) -> None:
         """Close the connection."""
-        for thing in (self._socket, self._port):
-            if thing is not None:
-                thing.close()
+        self._link.close()
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -79,22 +79,6 @@ class Taken:
         return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 
 
-class Chooser(Protocol):
-    """Chooses what to measure next."""
-
-    def choose(self, run: Run, left: list[Request]) -> list[Request]:
-        """Rows in the order in which they tell most; empty where it is enough."""
-        ...
-
-    def state(self) -> dict[str, Any]:
-        """How far the goal is."""
-        ...
-
-    def words(self) -> list[str]:
-        """The same for people."""
-        ...
-
-
 class _Scatter:
     """Robust standard deviation (6,) of differences, by the median of their sizes."""
 
@@ -141,8 +125,8 @@ class Run:
     """Last reading of the unloaded sensor (6,), sensor axes."""
     model: Any = None
     """A model to hold each row against: it has predict(poses) and stiffness(poses)."""
-    chooser: Chooser | None = None
-    """Chooses the next row; None: that of the plan."""
+    chooser: Any = None
+    """Chooses the next row (`Until` of until.py); None: that of the plan."""
     off: F = field(default_factory=lambda: np.zeros(6))
     """Robust standard deviations (6,) from the last reading to its repeat; 0 where unknown."""
     home_due: int = _HOME_EVERY
@@ -331,8 +315,7 @@ class Run:
     @cached_property
     def top_from_sensor(self) -> F:
         """Adjoint (6, 6) from the sensor's frame to the platform's."""
-        frame = self.bench.instrument.top_from_sensor
-        return np.eye(6) if frame is None else np.asarray(wrench_adjoint(frame))
+        return wrench_adjoint(self.bench.instrument.top_from_sensor)
 
     def why_again(self) -> str:
         """Words for why the last reading is to be repeated; empty where it agrees."""

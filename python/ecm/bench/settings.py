@@ -17,7 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Scene
 from ecm.io.se3 import seen_from
-from ecm.io.settings import Checked, check_keys, read_settings, read_toml, setting
+from ecm.io.settings import Checked, check_keys, read_sections, read_settings, read_toml, setting
 from ecm.rig.settings import Procedure
 
 ALL = (*POSE, *WRENCH)
@@ -110,6 +110,9 @@ class LimitsTable(Checked):
         return f"{temperature_degC:.1f} degC, limits {low:g} to {high:g} degC (temperature_degC)"
 
 
+_SECTIONS = {"limits": LimitsTable, "instrument": Instrument, "scene": Scene}
+
+
 @dataclass(frozen=True)
 class DeviceTable:
     """A table such as [mover]: the kind of the device and the arguments of its class.
@@ -155,7 +158,7 @@ class Bench:
         InputError
             Naming file, table, key and the nearest known name.
         """
-        check_keys(tables, ("columns", "rig", "limits", "instrument", "scene", *PARTS), where)
+        check_keys(tables, ("columns", "rig", *_SECTIONS, *PARTS), where)
         columns = tables.get("columns", list(ALL))
         if not isinstance(columns, list) or not {*columns} <= {*ALL} or not columns:
             raise InputError(f"{where}: columns = {columns}: expected some of {', '.join(ALL)}")
@@ -180,12 +183,10 @@ class Bench:
             raise InputError(f"{where} [rig]: mode belongs to the simulated rig")
         return Bench(
             procedure,
-            read_settings(LimitsTable, tables.get("limits", {}), f"{where} [limits]"),
-            read_settings(Instrument, tables.get("instrument", {}), f"{where} [instrument]"),
-            read_settings(Scene, tables.get("scene", {}), f"{where} [scene]"),
-            devices,
-            tuple(name for name in ALL if name in columns),
-            where,
+            **read_sections(_SECTIONS, tables, where),
+            devices=devices,
+            columns=tuple(name for name in ALL if name in columns),
+            where=where,
         )
 
     @staticmethod

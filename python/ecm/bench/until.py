@@ -109,11 +109,8 @@ the rig is another; take this row out, and measure it with a plan of its own
         self, goal: Goal, plan: Table, fit: str = "", model: Model | None = None, seed: int = 0
     ) -> None:
         self.goal, self._plan = goal, plan
-        words, kinds = (
-            plan.text(name) if plan.has(name) else np.full(len(plan), "")
-            for name in ("action", "kind")
-        )
-        for row, word in enumerate(map(str, words)):
+        words, kinds = plan.text("action"), plan.text("kind")
+        for row, word in enumerate(words):
             if word.partition(":")[0] not in ("", *_ANY_ORDER):
                 raise InputError(
                     f"row {row + 1}: --until takes the rows in another order, and after `{word}` "

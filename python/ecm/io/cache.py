@@ -300,10 +300,6 @@ class Stage:
         self._npz = self.directory / f"{stem}.npz"
         self._parts = self.directory / f"{stem}.parts"
 
-    def done(self) -> bool:
-        """Whether a complete result under these settings and inputs exists."""
-        return self._read() is not None
-
     def load(self) -> dict[str, Any]:
         """Return the stored result; ComputationError where there is none or it is damaged."""
         result = self._read()

@@ -217,23 +217,13 @@ STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordina
 
 _OTHER_UNITS = frozenset({"km", "urad", "g", "kg", "v", "volt", "mps", "rads", "degs"})
 """Words that may end a name besides the units of logs."""
-_ALIASES = {
-    "thetax": "theta_x_rad",
-    "thetay": "theta_y_rad",
-    "thetaz": "theta_z_rad",
-    "taux": "tau_x_Nm",
-    "tauy": "tau_y_Nm",
-    "tauz": "tau_z_Nm",
-    "temp": "temperature_degC",
-    "poseid": "pose_id",
-}
+_ALIASES = {"temp": "temperature_degC", "poseid": "pose_id"}
 
 
 def is_standard(name: str) -> bool:
     """Whether a column of this name has a meaning here (docs/columns.md)."""
-    if name in _STANDARD or name in _STIFFNESS:
-        return True
-    return any(pattern.fullmatch(name) for pattern in (_TENDON, _ACTUATION, _AMOUNT))
+    patterns = (_TENDON, _ACTUATION, _AMOUNT)
+    return name in _MEANT or any(pattern.fullmatch(name) for pattern in patterns)
 
 
 def actuation_columns(names: Iterable[str]) -> tuple[str, ...]:
@@ -342,10 +332,11 @@ def _squeeze(text: str) -> str:
     return re.sub(r"[^a-z0-9]", "", text)
 
 
-_STANDARD = frozenset((*STANDARD, *POSE_OFFSETS))  # in a log, `offset_x mm` is a column of its own
-_STIFFNESS = frozenset(STIFFNESS)
-_NO_UNIT = ("pose_id", "run", "repeat", "leds_visible", *TEXT, *JOINT_SIGNS)
+# In a log `offset_x mm` is a column of its own: no likely name of `offset_x_m`.
+_MEANT = frozenset((*STANDARD, *POSE_OFFSETS, *STIFFNESS))
 _SQUEEZED = {_squeeze(name.lower()): name for name in STANDARD}
 _STEMS = {
-    _squeeze(name.rsplit("_", 1)[0].lower()): name for name in STANDARD if name not in _NO_UNIT
+    _squeeze(name.rsplit("_", 1)[0].lower()): name
+    for name in STANDARD
+    if name not in (*WHOLE, *TEXT)  # they have no unit
 } | _ALIASES

@@ -502,22 +502,20 @@ class _Elastic:
         pairs = int((self.there[:6] & self.there[6:]).sum())
         if pairs < 2 or not self.length_m > 0.0:
             return {}
-        return {kind: error for kind in _ENERGIES for _, error in self.errors(kind, [None])}
+        as_stated = [of_columns("", {})]
+        return {kind: error for kind in _ENERGIES for _, error in self.errors(kind, as_stated)}
 
     def errors(
-        self, kind: _Kind, items: Iterable[Convention | None]
-    ) -> Iterator[tuple[Convention | None, float]]:
+        self, kind: _Kind, items: Iterable[Convention]
+    ) -> Iterator[tuple[Convention, float]]:
         """Yield conventions and the error of an energy fitted to each, where the rows can tell."""
         as_stated = self.basis(kind, self.poses)
         for item in items:
-            poses, wrench = self.poses, self.wrench
             try:
-                if item is not None:
-                    poses, wrench = item.change(poses, wrench)
+                poses, wrench = item.change(self.poses, self.wrench)
             except EcmError:
                 continue
-            of_pose = item is not None and item.of_pose
-            basis = self.basis(kind, poses) if of_pose else as_stated
+            basis = self.basis(kind, poses) if item.of_pose else as_stated
             if basis is not None:
                 loads = wrench[:, self.there[6:]]
                 size = _rms(loads)
@@ -566,7 +564,7 @@ class _Elastic:
         told = [item for item in items if not item.of_pose_unit]
         best: tuple[float, list[Convention]] = (np.inf, [])
         for kind in kinds:
-            left = [(item, error) for item, error in self.errors(kind, told) if item is not None]
+            left = list(self.errors(kind, told))
             best = min(best, self.right(left), key=lambda pair: pair[0])
         least, right = best
         stated = min(self.energies.values())
@@ -602,11 +600,11 @@ class _Elastic:
     def either_or(self, falling: Sequence[str]) -> WrongConvention:
         """Return which sign would mend it, where the mechanism may also be one that is driven."""
         kind = next(iter(self.energies), None)
-        left: Iterable[tuple[Convention | None, float]] = ((i, 0.0) for i in self.of_columns)
+        left: Iterable[tuple[Convention, float]] = ((item, 0.0) for item in self.of_columns)
         most = np.inf
         if kind is not None:
             left, most = self.errors(kind, self.of_columns), _EQUAL * self.energies[kind]
-        mending = [i for i, error in left if i is not None and error <= most and self.is_right(i)]
+        mending = [item for item, error in left if error <= most and self.is_right(item)]
         whole = [item for item in mending if item.words == WRENCH_REVERSED]
         of_sign = [item for item in mending if all(factor < 0.0 for *_, factor in item.columns)]
         single = [item for item in of_sign if len(item.columns) == 1]

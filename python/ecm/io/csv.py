@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError, Remedy, shortened
+from ecm.io.arrays import B, I
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
 from ecm.io.events import Progress
@@ -33,7 +34,7 @@ class RawTable:
     names: tuple[str, ...]
     columns: tuple[Cells, ...]
     """The cells of each name."""
-    numbers: Sequence[int] | NDArray[np.int64]
+    numbers: I
     """Line of the file (CSV, from 1) or number of each row, for messages."""
     word: str
     """What the numbers count: `line` or `row`."""
@@ -73,7 +74,7 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     if len(set(lengths.values())) > 1:
         raise InputError(f"{source}: the columns have different lengths: {lengths}")
     size = next(iter(lengths.values()), 0)
-    rows = range(first_row, first_row + size)
+    rows = np.arange(first_row, first_row + size, dtype=np.int64)
     return RawTable(tuple(named), tuple(named.values()), rows, "row")
 
 
@@ -156,7 +157,7 @@ class RowErrors:
     """All bad cells and rows of one table."""
 
     source: str
-    numbers: Sequence[int] | NDArray[np.int64]
+    numbers: I
     """Line of the file (or number) of each data row."""
     word: str
     """What the numbers count: line or row."""
@@ -173,6 +174,10 @@ class RowErrors:
     def bad_numbers(self) -> set[int]:
         """Return the lines of the bad rows."""
         return {error.number for error in self.errors}
+
+    def good(self) -> B:
+        """(N,) whether each row is without errors so far."""
+        return ~np.isin(self.numbers, list(self.bad_numbers()))
 
     def summary(self) -> str:
         """Return the count and the first ten places."""
@@ -306,7 +311,7 @@ def read_lines(
     """
     lines = iter(lines)
     columns = [_Column(own) for own in text or [False] * len(names)]
-    numbers: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    numbers: list[I] = [np.zeros(0, dtype=np.int64)]
     start = list(islice(lines, _BLOCK))
     while start and (found := _plain_columns(start, columns, separator, comma)):
         for column, own in zip(columns, found, strict=True):

@@ -26,6 +26,7 @@ from ecm.io.settings import (
     Checked,
     check_keys,
     parse_toml,
+    read_sections,
     read_settings,
     read_toml,
     setting,
@@ -107,8 +108,7 @@ def without_rows(
     )
     words = ", ".join(f"{reason} {shown_ranges(own)}" for reason, own in gone.items())
     sentence = f"{source}: {len(rows)} of {size} rows are left out by [leave_out]: {words}"
-    numbers = np.asarray(raw.numbers)[kept - 1]
-    return replace(raw, columns=columns, numbers=numbers), kept, (sentence,)
+    return replace(raw, columns=columns, numbers=raw.numbers[kept - 1]), kept, (sentence,)
 
 
 def _lines_of(text: str, section: str) -> Iterator[tuple[str, bool]]:
@@ -451,12 +451,8 @@ class Meta:
         check_keys(mechanism, MECHANISM_KEYS, f"{where} [mechanism]")
         if mechanism and "mesh" not in mechanism:
             Mechanism.from_dict(mechanism, f"{where} [mechanism]")
-        sections: dict[str, Any] = {
-            name: read_settings(of, document.get(name, {}), f"{where} [{name}]")
-            for name, of in _SECTIONS.items()
-        }
         return Meta(
-            **sections,
+            **read_sections(_SECTIONS, document, where),
             columns=columns,
             group=group,
             mechanism=dict(mechanism),

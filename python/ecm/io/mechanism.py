@@ -16,7 +16,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of
 from ecm.io.events import Printed
-from ecm.io.mesh import mesh_bytes, read_mesh
+from ecm.io.mesh import SIZES, mesh_bytes, read_mesh
 from ecm.io.settings import Checked, check_keys, did_you_mean, read_settings, setting
 
 TESTS = ("uniaxial", "equibiaxial", "pure_shear")
@@ -172,7 +172,6 @@ _SHAPES: dict[str, tuple[Callable[..., Mesh], tuple[str, ...]]] = {
 _DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
 _MAY_BE_ZERO = ("chamber_angle_rad", "channel_radius_m", "end_wall_m")
 """Dimensions that a shape may leave out."""
-_QUALITIES = ("standard", "fine")
 _LOWEST_MODULUS_PA = 100.0
 _LARGEST_RADIUS = 10.0
 """Largest radius over the length: a larger one was probably given in another unit."""
@@ -294,7 +293,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
     """Length when detached; 0: same as length_m."""
     mesh_file: Path | None = setting(None)
     """Mesh or CAD file with faces `base` and `top` in place of builtin; in TOML: mesh."""
-    quality: str = setting("standard", choices=_QUALITIES)
+    quality: str = setting("standard", choices=tuple(SIZES))
     """Element size of builtin shapes and of CAD."""
     axial_stiffness_N: float = setting(0.0, low=0.0)
     """EA of a rod; 0: from radius and E."""
@@ -633,7 +632,7 @@ def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:
 
 def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
     quality = table.get("quality", "standard")
-    return float(read_mesh(path, quality if quality in _QUALITIES else "standard").length_m)
+    return float(read_mesh(path, quality if quality in tuple(SIZES) else "standard").length_m)
 
 
 def ring_sections(

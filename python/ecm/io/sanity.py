@@ -182,12 +182,6 @@ def order_warning(vectors: F, stated: str = "") -> str:
 
 _STILL = 1e-12
 """A column that spans less than this share of its size is constant."""
-_WORDS = {
-    **dict(zip(POSE, ("x position", "y position", "z position"), strict=False)),
-    **{f"theta_{axis}_rad": f"{axis} rotation" for axis in "xyz"},
-    **{f"f{axis}_N": f"{axis} force" for axis in "xyz"},
-    **{f"tau_{axis}_Nm": f"{axis} torque" for axis in "xyz"},
-}
 
 
 def never_excited(table: Table) -> tuple[str, ...]:
@@ -223,8 +217,11 @@ def zero_column_sentences(zeros: Sequence[str]) -> list[str]:
 
 def excitation_sentences(names: Sequence[str]) -> list[str]:
     """Return one sentence for each column that is never excited."""
+    quantities = ("position", "rotation", "force", "torque")
+    words = (f"{axis} {quantity}" for quantity in quantities for axis in "xyz")
+    word_of = dict(zip((*POSE, *WRENCH), words, strict=True))
     return [
-        f"The {_WORDS.get(name, name)} ({name}) is never excited: nothing can be learnt about it."
+        f"The {word_of[name]} ({name}) is never excited: nothing can be learnt about it."
         for name in names
     ]
 

@@ -299,7 +299,7 @@ def to_base(
     top_from_sensor: tuple[float, ...] | None,
     source: str,
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns with pose and wrench moved to the base frame and the top frame's origin.
+    """Return the columns of pose and wrench, moved to the base frame and the top frame's origin.
 
     A wrench moves by the adjoint: f' = R f, m' = R m + t x R f, (R, t) the pose of its old frame.
 
@@ -308,13 +308,9 @@ def to_base(
     InputError
         Where a column is missing that the motion needs, or a frame is used that is not given.
     """
-    moved = dict(columns)
-    if frames.empty:
-        return moved
     _refuse_velocities(columns, source)
     top = _tops(columns, frames, source)
-    if frames.moves_pose:
-        moved |= dict(zip(POSE, top.T, strict=True))
+    moved = dict(zip(POSE, top.T, strict=True)) if frames.moves_pose else {}
     if any(name in columns for name in WRENCH):
         moved |= _wrench(columns, frames, top, top_from_sensor, source)
     return moved

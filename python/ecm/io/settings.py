@@ -283,17 +283,13 @@ def setting(
     return field(default=default, metadata={"limits": limits})
 
 
-def _limits(item: Any) -> Limits:
-    limits: Limits = item.metadata.get("limits", Limits())
-    return limits
-
-
 def _check(cls: type, item: Any, value: Any, place: str) -> None:
     """Raise InputError where a setting is out of range, with what it means."""
+    limits: Limits = item.metadata.get("limits", Limits())
     try:
-        _limits(item).check(value, place)
+        limits.check(value, place)
     except InputError as error:
-        meaning = "" if _limits(item).choices else meanings(cls)[item.name].rstrip(".")
+        meaning = "" if limits.choices else meanings(cls)[item.name].rstrip(".")
         if meaning[1:2].islower():
             meaning = meaning[0].lower() + meaning[1:]
         raise InputError(f"{error} ({meaning})" if meaning else str(error)) from None
@@ -333,6 +329,16 @@ def read_settings(cls: type[T], table: Any, where: str) -> T:
         return cls(**values)
     except InputError as error:  # two fields that do not fit each other
         raise InputError(f"{where}: {error}") from None
+
+
+def read_sections(
+    kinds: Mapping[str, type], document: Mapping[str, Any], where: str
+) -> dict[str, Any]:
+    """Read the tables of these names, each as its kind of settings; an absent one has defaults."""
+    return {
+        name: read_settings(kind, document.get(name, {}), f"{where} [{name}]")
+        for name, kind in kinds.items()
+    }
 
 
 def _converted(value: Any, hint: Any, place: str) -> Any:

@@ -31,8 +31,6 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.settings import did_you_mean, refuse_pipe
 from ecm.io.validate import join_runs, validated_columns
 
-__all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]
-
 Need = Literal["fit", "predict"]
 """fit: at least one pose and one wrench column; predict: at least one pose column."""
 

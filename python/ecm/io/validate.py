@@ -45,7 +45,6 @@ def validated_columns(
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []
     mapping = _mapping(raw, meta, source)
-    numbers = np.asarray(raw.numbers, dtype=np.int64)
     errors = RowErrors(source, raw.numbers, raw.word)
     for line, count in raw.ragged:
         expected = f"{len(raw.names)} as in the header"
@@ -61,37 +60,35 @@ def validated_columns(
             values = scaling.scale * values + scaling.offset
         _check_whole(name, values, errors)
         columns[name] = values
-    rows = np.flatnonzero(_good(columns, numbers, errors))
+    rows = np.flatnonzero(_good(columns, errors))
     _check_rotations(columns, rows, errors, in_own_frames=meta.frames.moves_pose)
     if not meta.frames.empty:
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
-        _check_rotations(columns, np.flatnonzero(_good(columns, numbers, errors)), errors)
-    rows = np.flatnonzero(_good(columns, numbers, errors))
+        _check_rotations(columns, np.flatnonzero(_good(columns, errors)), errors)
+    rows = np.flatnonzero(_good(columns, errors))
     _check_positions(columns, rows, meta.length_m, errors)
-    warnings += _check_time(columns, numbers, errors)
-    repeated = repeated_rows(columns, _good(columns, numbers, errors))
+    warnings += _check_time(columns, errors)
+    repeated = repeated_rows(columns, _good(columns, errors))
     if "time_s" in columns:
         for row, first in repeated:
-            same = f"each row once (the same as {raw.word} {numbers[first]})"
+            same = f"each row once (the same as {errors.place(first)})"
             errors.add(row, "", "a row identical in every column", same)
     # A plan visits the same pose again on purpose.
     elif repeated and "action" not in columns and not columns.keys().isdisjoint(WRENCH):
         row, first = repeated[0]
         warnings.append(
             f"{source}: {len(repeated)} row(s) are identical to an earlier one in every column "
-            f"(first: {raw.word} {numbers[row]} as {raw.word} {numbers[first]}); they are kept, "
-            "as without time_s copies cannot be told from repeats"
+            f"(first: {errors.place(row)} as {errors.place(first)}); they are kept, as without "
+            "time_s copies cannot be told from repeats"
         )
-    keep = np.ones(len(numbers), dtype=bool)
+    keep = errors.good()
     if errors.errors:
-        bad = errors.bad_numbers()
-        keep = ~np.isin(numbers, list(bad))
         if not skip_bad_rows:
             raise errors.refusal()
         if not keep.any():
             raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
         columns = {name: column[keep] for name, column in columns.items()}
-        warnings.append(f"left out {len(bad)} row(s). {errors.summary()}")
+        warnings.append(f"left out {len(errors.bad_numbers())} row(s). {errors.summary()}")
     return columns, np.flatnonzero(keep), (*warnings, *_covariate_warnings(columns, source))
 
 
@@ -212,20 +209,20 @@ def _check_whole(name: str, values: F, errors: RowErrors) -> None:
             errors.add(int(row), name, f"{values[row]:g}", "-1, 0 or 1")
 
 
-def _good(columns: Columns, numbers: I, errors: RowErrors) -> B:
-    """Whether each row is without errors so far."""
-    good: B = ~np.isin(numbers, list(errors.bad_numbers()))
+def _good(columns: Columns, errors: RowErrors) -> B:
+    """Whether each row is without errors so far, and its cells are numbers."""
+    good = errors.good()
     for name, column in columns.items():
         if name not in TEXT and name not in MAY_BE_EMPTY:
             good &= np.isfinite(column)
     return good
 
 
-def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> list[str]:
+def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
     """Note times that do not grow; runs that each begin anew are taken one after the other."""
     if "time_s" not in columns:
         return []
-    rows = np.flatnonzero(_good(columns, numbers, errors))
+    rows = np.flatnonzero(_good(columns, errors))
     time = columns["time_s"][rows]
     warnings = []
     if "run" in columns:

@@ -215,12 +215,9 @@ def _header(
         if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z
             names = grouped_names([cell.strip() for cell in rows[-2]], names)
     else:
-        names = _named_by_comment(comments, separator, width)
-    names = [
-        " ".join(name.strip().strip('"').split()) or f"column_{i + 1}"
-        for i, name in enumerate(names)
-    ]
-    names = unique_names(names or [f"column_{i + 1}" for i in range(width)])
+        names = _named_by_comment(comments, separator, width) or [""] * width
+    words = (" ".join(name.strip().strip('"').split()) for name in names)
+    names = unique_names(word or f"column_{i}" for i, word in enumerate(words, 1))
     units = {n: u for n, u in zip(names, unit_row, strict=False) if _is_unit(u)}
     return names, units
 
@@ -256,7 +253,6 @@ def _columns(
             columns[name] = cells
             continue
         values = np.array([number(str(cell), comma) for cell in cells])
-        times = None
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         elif (times := seconds_of_dates(cells)) is not None:
@@ -344,10 +340,6 @@ _NEXT = (
     "A file that was cut off is mended by `ros2 bag reindex` or `mcap recover`; messages that are "
     "not of ROS 2 have to be saved as CSV or Parquet."
 )
-Sample = tuple[str, dict[str, float]]
-"""Frame or joint set of a sample, and its numbers by name."""
-
-
 _TOLD = 1000
 """Messages between two words of progress."""
 
@@ -408,7 +400,7 @@ def _streams(reader: Any, connections: Sequence[Any], progress: Progress | None)
     for done, (connection, received_ns, raw) in enumerate(reader.messages(connections=connections)):
         if progress is not None and done % _TOLD == 0:
             progress(done, max(whole, done), "messages")
-        kind, stamped, samples = _MESSAGES[_kind(connection.msgtype)]
+        kind, stamped, numbers_of = _MESSAGES[_kind(connection.msgtype)]
         message = reader.deserialize(raw, connection.msgtype)
         begin = received_ns if begin is None else begin
         received = (received_ns - begin) * 1e-9
@@ -417,9 +409,9 @@ def _streams(reader: Any, connections: Sequence[Any], progress: Progress | None)
             if stamped and (one.header.stamp.sec or one.header.stamp.nanosec):
                 own = one.header.stamp.sec * 1_000_000_000 + one.header.stamp.nanosec
                 stamp = (own - begin) * 1e-9
-            frame, numbers = samples(one)
+            frame = getattr(one, "child_frame_id", "")
             key = (f"{connection.topic}{frame and ':' + frame}", kind, connection.topic)
-            rows.setdefault(key, []).append((stamp, received, numbers))
+            rows.setdefault(key, []).append((stamp, received, numbers_of(one)))
     several = {topic for _, _, topic in rows if sum(t == topic for _, _, t in rows) > 1}
     streams = []
     for (name, kind, topic), samples_of in rows.items():
@@ -454,9 +446,8 @@ def _wrench(wrench: Any) -> dict[str, float]:
     return _vector("force", wrench.force) | _vector("torque", wrench.torque)
 
 
-def _transform(message: Any) -> Sample:
-    moved = message.transform
-    return message.child_frame_id, _placed(moved.translation, moved.rotation)
+def _transform(message: Any) -> dict[str, float]:
+    return _placed(message.transform.translation, message.transform.rotation)
 
 
 def _joints(message: Any) -> dict[str, float]:
@@ -475,15 +466,16 @@ def _kind(msgtype: str) -> str:
     return msgtype.rsplit("/", 1)[-1]
 
 
-_MESSAGES: dict[str, tuple[str, bool, Callable[[Any], Sample]]] = {
-    "WrenchStamped": ("wrench", True, lambda m: ("", _wrench(m.wrench))),
-    "Wrench": ("wrench", False, lambda m: ("", _wrench(m))),
-    "PoseStamped": ("pose", True, lambda m: ("", _placed(m.pose.position, m.pose.orientation))),
-    "Pose": ("pose", False, lambda m: ("", _placed(m.position, m.orientation))),
+_MESSAGES: dict[str, tuple[str, bool, Callable[[Any], dict[str, float]]]] = {
+    "WrenchStamped": ("wrench", True, lambda m: _wrench(m.wrench)),
+    "Wrench": ("wrench", False, _wrench),
+    "PoseStamped": ("pose", True, lambda m: _placed(m.pose.position, m.pose.orientation)),
+    "Pose": ("pose", False, lambda m: _placed(m.position, m.orientation)),
     "TransformStamped": ("pose", True, _transform),
     "TFMessage": ("pose", True, _transform),
-    "JointState": ("joints", True, lambda m: ("", _joints(m))),
+    "JointState": ("joints", True, _joints),
 }
+"""Kind of a message, whether it has a stamp of its own, and its numbers by name."""
 
 
 def _check_topics(topics: Sequence[str], streams: Sequence[Stream], path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from ecm.errors import EcmError, InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments, listed
 from ecm.io.arrays import evenly
-from ecm.io.cache import write_atomically
+from ecm.io.cache import file_sha256, write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import Meta, as_meta, row_ranges, shown_ranges
@@ -423,7 +422,7 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
         raise InputError(f"{path}: a folder without metadata.yaml is no ROS 2 bag. Give a file.")
     if topics:
         raise InputError(f"{path}: --topic is for ROS bags and MCAP files")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = file_sha256(path)
     readers = {
         ".parquet": read_parquet_log, ".pq": read_parquet_log, ".mat": read_matlab,
         ".npz": read_numpy, ".npy": read_numpy, ".h5": read_hdf5, ".hdf5": read_hdf5,

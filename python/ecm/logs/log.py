@@ -352,7 +352,7 @@ def _interpolated(stream: Stream, time: F) -> dict[str, F]:
         name: np.interp(time, stream.time_s, values) for name, values in stream.columns.items()
     }
     quaternion = [f"orientation.{axis}" for axis in "xyzw"]
-    if all(name in found for name in quaternion) and len(stream.time_s) > 1:
+    if all(name in found for name in quaternion):
         values = np.column_stack([stream.columns[name] for name in quaternion])
         good = np.linalg.norm(values, axis=1) > 0.5
         if good.sum() > 1 and (time >= stream.time_s[good][0]).all():

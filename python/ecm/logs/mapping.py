@@ -191,7 +191,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
                 f"--map {first}={name} or --map {second}={name}",
                 *(named_as(standard, name) for standard in _likely(standards, sure, rotation)),
             )
-        if guesses and not standards and guesses[0].quantity in _WITHOUT_AXIS:
+        if doubtful:
             _ask_axis(name, guesses[0], source, sure)
         for standard in standards - choices.columns.keys():
             if standard in found:
@@ -275,10 +275,8 @@ def _renamed(log: Log) -> list[str]:
         if name in of_poses:
             names.append(of_poses[name])
         elif size == 6 and index.isdigit():
-            word = stem.lower()
-            group = "wrench" if any(w in word for w in ("wrench", "ft", "load", "force")) else ""
-            group = group or ("pose" if "pose" in word or "twist" not in word else "")
-            first, second = ("force", "torque") if group == "wrench" else ("position", "rotation")
+            of_wrench = any(word in stem.lower() for word in ("wrench", "ft", "load", "force"))
+            first, second = ("force", "torque") if of_wrench else ("position", "rotation")
             names.append(f"{first if int(index) < 3 else second}.{'xyz'[int(index) % 3]}")
         elif size == 3 and index.isdigit() and not stem[-1:].isdigit():
             names.append(f"{trailing_units(stem)[0][begin:]}_{'xyz'[int(index)]}")

@@ -129,8 +129,7 @@ class Named:
     def may_be_measured(self) -> bool:
         """Whether it may be of a pose or of a wrench, by its name."""
         return any(
-            guess.dimension in {d for own in _DIMENSIONS.values() for d in own}
-            or guess.part in (*POSE, *WRENCH)
+            guess.dimension in _COLUMN_OF or guess.part in (*POSE, *WRENCH)
             for guess in self.guesses
         )
 
@@ -194,6 +193,8 @@ _STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01} | {
 }  # fmt: skip
 _OF_ANYTHING = frozenset({"%", "pct", "percent"})
 """Units of a strain that alone do not tell one."""
+_BRACKET = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
+"""A name, and the unit in brackets at its end."""
 _CHAMBER = re.compile(r"(?:p|pressure|druck)[\s_.-]*([1-9][0-9]*)[\s_]*[\s_\[(]([a-z]+)[\])]?")
 
 
@@ -223,11 +224,10 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     >>> given_units(["mm", "bar"])["pressure"].factor
     100000.0
     """
-    own = [unit for word in words if (unit := _of_chambers(word)) is not None]
     others = columns.given_units([word for word in words if _of_chambers(word) is None])
     si = ("Pa", "m3") if any(word.strip().upper() == "SI" for word in words) else ()
-    stated = [unit for word in si if (unit := _of_chambers(word)) is not None] + own
-    return others | {unit.dimension: unit for unit in stated}
+    own = [unit for word in (*si, *words) if (unit := _of_chambers(word)) is not None]
+    return others | {unit.dimension: unit for unit in own}
 
 
 def read_name(name: str, unit_word: str = "") -> Named:
@@ -255,7 +255,7 @@ def read_name(name: str, unit_word: str = "") -> Named:
     if (sure := _sure(name, unit_word)) is not None:
         return sure
     unit = find_unit(unit_word) if unit_word else None
-    bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
+    bracket = _BRACKET.fullmatch(name)
     if bracket is not None and bracket[1]:
         unit_word = unit_word or bracket[2]
         name, unit = bracket[1], unit or find_unit(bracket[2])
@@ -330,7 +330,7 @@ def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
     >>> trailing_units("position_mm")[0], trailing_units("force")
     ('position', ('force', {}))
     """
-    bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
+    bracket = _BRACKET.fullmatch(name)
     if bracket is not None and bracket[1]:
         given = [find_unit(word) for word in bracket[2].split(",")]
         return bracket[1], {unit.dimension: unit for unit in given if unit is not None}

@@ -84,7 +84,6 @@ def to_rotation_vectors(word: str, values: F) -> tuple[F, B, str]:
     >>> to_rotation_vectors("wxyz", np.array([[half, 0.0, 0.0, half]]))[0].round(4)
     array([[0.    , 0.    , 1.5708]])
     """
-    check_rotation_word(word)
     usable: B = np.asarray(np.isfinite(values).all(axis=1))
     note = ""
     if word in ORDERS:

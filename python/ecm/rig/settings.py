@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.settings import Checked, check_keys, read_settings, setting
+from ecm.io.settings import Checked, check_keys, read_sections, read_settings, setting
 from ecm.rig.hidden.truth import Hidden
 
 
@@ -350,10 +350,7 @@ class RigSettings(Checked):
         settings = RigSettings(
             rig=read_settings(Procedure, own, f"{where} [rig]"),
             arm=read_settings(ArmSettings, arm, f"{where} [rig]"),
-            **{
-                name: read_settings(kind, tables.get(name, {}), f"{where} [{name}]")
-                for name, kind in others.items()
-            },
+            **read_sections(others, tables, where),
         )
         if settings.hidden.effect:
             try:

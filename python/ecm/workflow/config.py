@@ -29,7 +29,7 @@ from ecm.io.settings import (
     POLYNOMIAL_DEGREES,
     Checked,
     check_keys,
-    read_settings,
+    read_sections,
     read_toml,
     setting,
 )
@@ -179,10 +179,7 @@ def config_from_dict(
     }
     return Config(
         mechanism=mechanism,
-        **{
-            name: read_settings(table, document.get(name, {}), f"{where} [{name}]")
-            for name, table in tables.items()
-        },
+        **read_sections(tables, document, where),
         rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
         source=where,
     )
