@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, features, in_each_component
+from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
 from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
@@ -232,13 +232,12 @@ def signature_shares(
     scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
     identity = np.broadcast_to(np.eye(6), (n, 6, 6))
     in_each = partial(in_each_component, identity)
-    even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
     named: dict[str, F] = {
         "proportional": rows.wrench[:, :, None],
         "constant_in_base": identity,
         "constant_in_body": rows.base_from_top,
         "odd": in_each(scaled),
-        "even": in_each(even),
+        "even": in_each(second_degree(scaled)),
     }
     values, names = features(rows, 90)
     for covariate in (*KNOWN, "approach"):
