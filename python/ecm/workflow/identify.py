@@ -183,10 +183,6 @@ def _from_free(job: Job, plan: Table, candidates: Table) -> Table:
     return offsets_from_free(plan, base) if isinstance(base, ActuatedMap) else plan
 
 
-def _without_hidden(rig: RigSettings) -> RigSettings:
-    return replace(rig, hidden=HiddenTable())
-
-
 # --- 1 simulate --------------------------------------------------------------
 
 
@@ -299,7 +295,7 @@ def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
 
 def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> dict[str, Table]:
     """Step 3: a campaign on each design, with nothing hidden in the rig."""
-    rig = _without_hidden(job.config.rig)
+    rig = replace(job.config.rig, hidden=HiddenTable())
     tables, rows = {}, {}
     for name, design in designs.items():
         plan = _from_free(job, paper_plan(candidates, design, seed=job.seed), candidates)
