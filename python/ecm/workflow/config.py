@@ -244,6 +244,8 @@ class Job:
     """Arrays for the figures of the report."""
     stages_s: dict[str, float] = field(default_factory=dict)
     """Seconds of each step."""
+    sections: list[Section] = field(default_factory=list)
+    """Of the report, in the order of the work."""
 
     @property
     def of_paper(self) -> bool:
@@ -256,7 +258,8 @@ class Job:
         return self.out / "stages"
 
     def show(self, section: Section) -> None:
-        """Print what a section of the report says."""
+        """Print what a section of the report says, and keep it for the page."""
+        self.sections.append(section)
         self.console.print(text_of(section.blocks) + "\n")
 
     def stage(self, name: str, *inputs: Any) -> Stage:

@@ -54,8 +54,9 @@ from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, Console, Job, Silent, read_config
 from ecm.workflow.report_identify import (
+    NAMES,
+    arm_section,
     design_section,
-    identify_sections,
     loop_section,
     measurement_section,
     result_section,
@@ -63,6 +64,7 @@ from ecm.workflow.report_identify import (
     simulation_section,
     speed_section,
     stiffness_section,
+    workspace_blocks,
 )
 
 DESIGNS = ("d", "maximin")
@@ -307,7 +309,8 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
         rows[name] = {"rows": count, "skipped": skipped, "minutes": minutes}
     job.summary["identify"] = {"campaigns": rows}
     if rig.rig.mode == "robot":
-        job.summary["identify"]["arm"] = _arm(job, rig)
+        job.summary["identify"]["arm"] = arm = _arm(job, rig)
+        job.sections.append(arm_section(arm, job.figures, NAMES))
     return tables
 
 
@@ -505,7 +508,11 @@ def _write_report(job: Job, times: dict[str, Any]) -> None:
         f"{job.config.design.n} poses, seed {job.seed}."
     )
     try:
-        sections = identify_sections(job.summary, job.figures, times, body)
+        # The result comes first, now with the pictures, and the loop last.
+        *steps_of_work, _, loop, speed = job.sections
+        pictures = workspace_blocks(job.figures, body)
+        result = result_section(job.summary["identify"], times["stages_s"], pictures)
+        sections = [result, *steps_of_work, speed, loop]
         Report("Stiffness identification", lead, sections).write(path)
     except MissingExtra as error:
         job.console.print(f"{numbers}: the numbers; no report.html: {error}")

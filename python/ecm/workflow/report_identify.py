@@ -114,34 +114,13 @@ def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict
 
 
 Figures = Mapping[str, F]
-_NAMES = {
+NAMES = {
     "d": "D-optimal",
     "maximin": "maximin",
     "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
     "maximin by the paper's exchange": "maximin, simple exchange alone",
 }
 _HEADER = ("fx N", "fy N", "fz N", "τx N m", "τy N m", "τz N m")
-
-
-def identify_sections(
-    summary: Mapping[str, Any], figures: Figures, times: Mapping[str, Any], body: Mechanism
-) -> list[Section]:
-    """Return every section of the page: the result, then the steps in the order of the work."""
-    identified, paper = summary["identify"], summary["of_paper"]
-    sections = [
-        result_section(identified, times.get("stages_s", {}), _workspace(figures, body)),
-        simulation_section(summary["simulate"], figures, paper),
-        selection_section(summary["select"], figures, paper),
-        design_section(summary["select"], figures, paper),
-        measurement_section(identified, figures, paper),
-        stiffness_section(identified, figures, paper),
-        speed_section(times["evaluation"], paper),
-    ]
-    if "arm" in identified:
-        sections.insert(4, arm_section(identified["arm"], figures, _NAMES))
-    if "loop" in summary:
-        sections.append(loop_section(summary["loop"], figures))
-    return sections
 
 
 def _beside_paper(rows: Sequence[Mapping[str, Any]], label: str) -> list[list[Cell]]:
@@ -180,21 +159,19 @@ def _relative_errors(caption: str, series: Mapping[str, F], limit: float) -> Fig
     return FigureBlock(caption, figure)
 
 
-def _workspace(figures: Figures, body: Mechanism) -> list[Block]:
-    """The mechanism in the measured poses of the other design."""
+def workspace_blocks(figures: Figures, body: Mechanism) -> Sequence[Block]:
+    """Return the mechanism in the measured poses of the other design."""
     poses, residual = figures["workspace_poses"], figures["workspace_residual"]
-    return [
-        *mechanism_blocks(
-            as_table(dict(zip(POSE, poses.T, strict=True))),
-            "The mechanism at rest and bent into measured poses that the model has not seen, "
-            "coloured by the residual of the row over its noise.",
-            rows=np.arange(len(poses)),
-            values=residual,
-            title="residual",
-            unit="times the noise",
-            body=body,
-        )
-    ]
+    return mechanism_blocks(
+        as_table(dict(zip(POSE, poses.T, strict=True))),
+        "The mechanism at rest and bent into measured poses that the model has not seen, "
+        "coloured by the residual of the row over its noise.",
+        rows=np.arange(len(poses)),
+        values=residual,
+        title="residual",
+        unit="times the noise",
+        body=body,
+    )
 
 
 def result_section(
@@ -317,7 +294,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
     """Return the designs with their certificates, and the errors that they leave."""
     certificates = [
         [
-            _NAMES.get(name, name),
+            NAMES.get(name, name),
             row["n"],
             f"{row['value']:.5f}",
             f"{row['bound']:.5f}",
@@ -326,7 +303,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
         for name, row in step["designs"].items()
     ]
     errors = [
-        [_NAMES.get(row["design"], row["design"]), *row["rmse"], number(row["kappa"], 4)]
+        [NAMES.get(row["design"], row["design"]), *row["rmse"], number(row["kappa"], 4)]
         for row in step["figure_5"]
     ]
     blocks: list[Block] = [
@@ -344,7 +321,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
         ),
         _relative_errors(
             _named("Fig. 5", "Relative error of τy and τz on the test pairs.", paper),
-            {_NAMES[name]: figures[f"e_rel_design_{name}"][:, 4:] for name in ("d", "maximin")},
+            {NAMES[name]: figures[f"e_rel_design_{name}"][:, 4:] for name in ("d", "maximin")},
             0.2,
         ),
     ]
@@ -354,7 +331,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
 def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the errors of models that are fitted to measured poses."""
     campaigns = " ".join(
-        f"{_NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
+        f"{NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
         f" ({row['skipped']} skipped)."
         for name, row in step["campaigns"].items()
     )
@@ -364,7 +341,7 @@ def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) 
         blocks.append(
             TableBlock(
                 _named("Table III", f"Degree {step['degree']}, trained on the", paper)
-                + f" {_NAMES[name]} design, tested on the {_NAMES[other]} one.",
+                + f" {NAMES[name]} design, tested on the {NAMES[other]} one.",
                 ("threshold b", *_HEADER, "κ(X)"),
                 _beside_paper(rows, "threshold"),
             )
@@ -372,8 +349,8 @@ def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) 
     fig_8, fig_10 = (
         _relative_errors(
             _named(title, "Relative error within ±0.5, trained on the", paper)
-            + f" {_NAMES[name]} design.",
-            {_NAMES[name]: figures[f"e_rel_measured_{name}"]},
+            + f" {NAMES[name]} design.",
+            {NAMES[name]: figures[f"e_rel_measured_{name}"]},
             0.5,
         )
         for name, title in (("d", "Fig. 8"), ("maximin", "Fig. 10"))
