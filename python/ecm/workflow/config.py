@@ -41,8 +41,6 @@ from ecm.rig.run import require_possible
 from ecm.rig.settings import TABLES as RIG_TABLES
 from ecm.rig.settings import RigSettings
 
-TABLES = ("mechanism", "workspace", "simulate", "select", "design", *RIG_TABLES)
-
 
 @dataclass(frozen=True)
 class SimulateTable(Checked):
@@ -93,6 +91,15 @@ class DesignTable(Checked):
     """Poses in each design."""
     starts: int = setting(10, low=1)
     """Random starts of the exchange; the best is kept."""
+
+
+_TABLES: dict[str, Any] = {
+    "workspace": Workspace,
+    "simulate": SimulateTable,
+    "select": SelectTable,
+    "design": DesignTable,
+}
+"""Settings by table; [mechanism] and those of the rig are read by their own."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +168,7 @@ def config_from_dict(
     InputError
         Naming file, table, key and the nearest known key.
     """
-    check_keys(document, TABLES, where)
+    check_keys(document, ("mechanism", *_TABLES, *RIG_TABLES), where)
     mechanism = Mechanism()
     if "mechanism" in document:
         mechanism = Mechanism.from_dict(document["mechanism"], f"{where} [mechanism]", base=base)
@@ -170,18 +177,11 @@ def config_from_dict(
                 f'{where} [mechanism]: expected a body for FEM: builtin = "cylinder" (or mesh = '
                 '"file.msh") with young_modulus_Pa'
             )
-
-    tables: dict[str, Any] = {
-        "workspace": Workspace,
-        "simulate": SimulateTable,
-        "select": SelectTable,
-        "design": DesignTable,
-    }
     return Config(
         mechanism=mechanism,
         **{
             name: read_settings(table, document.get(name, {}), f"{where} [{name}]")
-            for name, table in tables.items()
+            for name, table in _TABLES.items()
         },
         rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
         source=where,
