@@ -340,10 +340,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | No
     settings, step = job.config.select, job.summary["identify"]
     degree, paper = settings.degrees[-1], job.of_paper
     rows, figures = steps.table_three(tables, settings.thresholds, degree=degree, paper=paper)
-    for name, arrays in figures.items():
-        job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
-        job.figures[f"observed_{name}"] = arrays["observed"]
-        job.figures[f"predicted_{name}"] = arrays["predicted"]
+    job.figures |= figures
     cubic = fit_model(tables["d"], PolynomialModel(degree, pcr=0.1))
     cubic.save(job.out / "model-cubic.json")
     models, floor, best, result = _model_table(job, tables, cubic, physics)
