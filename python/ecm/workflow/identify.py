@@ -54,7 +54,6 @@ from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, Console, Job, Silent, read_config
 from ecm.workflow.report_identify import (
-    NAMES,
     arm_section,
     design_section,
     loop_section,
@@ -310,7 +309,7 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
     job.summary["identify"] = {"campaigns": rows}
     if rig.rig.mode == "robot":
         job.summary["identify"]["arm"] = arm = _arm(job, rig)
-        job.sections.append(arm_section(arm, job.figures, NAMES))
+        job.sections.append(arm_section(arm, job.figures))
     return tables
 
 

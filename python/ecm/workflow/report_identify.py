@@ -20,20 +20,25 @@ from ecm.rig.arm.trips import COLOURS, PANELS, thousandths
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 
 _MOST_REASONS = 12
+Figures = Mapping[str, F]
+_NAMES = {
+    "d": "D-optimal",
+    "maximin": "maximin",
+    "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
+    "maximin by the paper's exchange": "maximin, simple exchange alone",
+}
 
 
-def arm_section(
-    step: Mapping[str, Any], figures: Mapping[str, F], names: Mapping[str, str]
-) -> Section:
-    """What the arm did in the campaigns of a job; `names` are those of the designs."""
+def arm_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """What the arm did in the campaigns of a job."""
     records, phases_s = step["records"], step["phases_s"]
     counts = " ".join(
-        f"{names[name]}: {record['reached']} of {record['poses']} poses reached."
+        f"{_NAMES[name]}: {record['reached']} of {record['poses']} poses reached."
         for name, record in records.items()
     )
-    blocks: list[Block] = [TextBlock(counts), _phases(records, names)]
+    blocks: list[Block] = [TextBlock(counts), _phases(records)]
     reasons = [
-        [names[name], str(pose), reason]
+        [_NAMES[name], str(pose), reason]
         for name, record in records.items()
         for _, pose, reason in record["reasons"]
     ]
@@ -54,11 +59,11 @@ def arm_section(
     return Section("The arm", blocks)
 
 
-def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
+def _phases(records: Mapping[str, Any]) -> TableBlock:
     keys = ("median_m", "largest_m", "median_rad", "largest_rad")
     rows = [
         [
-            names[name],
+            _NAMES[name],
             phase,
             *(thousandths(errors[key]) for key in keys),
             " ".join(f"{100.0 * share:.0f}" for share in errors["fraction"].values()),
@@ -75,7 +80,7 @@ def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
     )  # fmt: skip
 
 
-def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict[str, Any]:
+def _figure(figures: Figures, phases_s: Sequence[Sequence[Any]]) -> dict[str, Any]:
     """The way to the goal and back in six panels, the phases as coloured bands."""
     time_s, way, goal = figures["arm_time_s"], figures["arm_way"].T, figures["arm_goal"]
     ends = time_s[[0, -1]]
@@ -113,13 +118,6 @@ def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict
     return {"data": data, "layout": layout}
 
 
-Figures = Mapping[str, F]
-NAMES = {
-    "d": "D-optimal",
-    "maximin": "maximin",
-    "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
-    "maximin by the paper's exchange": "maximin, simple exchange alone",
-}
 _HEADER = ("fx N", "fy N", "fz N", "τx N m", "τy N m", "τz N m")
 
 
@@ -294,7 +292,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
     """Return the designs with their certificates, and the errors that they leave."""
     certificates = [
         [
-            NAMES.get(name, name),
+            _NAMES[name],
             row["n"],
             f"{row['value']:.5f}",
             f"{row['bound']:.5f}",
@@ -303,8 +301,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
         for name, row in step["designs"].items()
     ]
     errors = [
-        [NAMES.get(row["design"], row["design"]), *row["rmse"], number(row["kappa"], 4)]
-        for row in step["figure_5"]
+        [_NAMES[row["design"]], *row["rmse"], number(row["kappa"], 4)] for row in step["figure_5"]
     ]
     blocks: list[Block] = [
         TableBlock(
@@ -321,7 +318,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
         ),
         _relative_errors(
             _named("Fig. 5", "Relative error of τy and τz on the test pairs.", paper),
-            {NAMES[name]: figures[f"e_rel_design_{name}"][:, 4:] for name in ("d", "maximin")},
+            {_NAMES[name]: figures[f"e_rel_design_{name}"][:, 4:] for name in ("d", "maximin")},
             0.2,
         ),
     ]
@@ -331,7 +328,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
 def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Section:
     """Return the errors of models that are fitted to measured poses."""
     campaigns = " ".join(
-        f"{NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
+        f"{_NAMES[name]}: {row['rows']} poses in {row['minutes']:.0f} robot minutes"
         f" ({row['skipped']} skipped)."
         for name, row in step["campaigns"].items()
     )
@@ -341,7 +338,7 @@ def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) 
         blocks.append(
             TableBlock(
                 _named("Table III", f"Degree {step['degree']}, trained on the", paper)
-                + f" {NAMES[name]} design, tested on the {NAMES[other]} one.",
+                + f" {_NAMES[name]} design, tested on the {_NAMES[other]} one.",
                 ("threshold b", *_HEADER, "κ(X)"),
                 _beside_paper(rows, "threshold"),
             )
@@ -349,8 +346,8 @@ def measurement_section(step: Mapping[str, Any], figures: Figures, paper: bool) 
     fig_8, fig_10 = (
         _relative_errors(
             _named(title, "Relative error within ±0.5, trained on the", paper)
-            + f" {NAMES[name]} design.",
-            {NAMES[name]: figures[f"e_rel_measured_{name}"]},
+            + f" {_NAMES[name]} design.",
+            {_NAMES[name]: figures[f"e_rel_measured_{name}"]},
             0.5,
         )
         for name, title in (("d", "Fig. 8"), ("maximin", "Fig. 10"))
@@ -408,7 +405,7 @@ def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
     return Section("Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
 
 
-def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
+def loop_section(step: Mapping[str, Any], figures: Figures) -> Section:
     """Compare, diagnose, refit; and what had been hidden."""
     diagnosis, history = step["diagnosis"], step["history"]
     blocks: list[Block] = [
