@@ -245,7 +245,7 @@ class Job:
     stages_s: dict[str, float] = field(default_factory=dict)
     """Seconds of each step."""
     sections: list[Section] = field(default_factory=list)
-    """Of the report, in the order of the work."""
+    """What the report says, in the order of the work."""
 
     @property
     def of_paper(self) -> bool:
