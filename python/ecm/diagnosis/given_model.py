@@ -448,8 +448,7 @@ class _Judged:
         if fit is None or self.needed or _far_behind(self.refitted, self.base):
             return False
         whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
-        scored = fit.rows.table.of_poses
-        return not structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
+        return not structure_test(fit.rows, fit.whitened, whitener, fitted=fit.design).found
 
     @property
     def too_plain(self) -> bool:
