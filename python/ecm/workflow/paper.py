@@ -155,10 +155,9 @@ def energy_learning(
     degrees: Sequence[int],
     counts: Sequence[int],
     seed: int,
-    actuators: tuple[str, ...] = (),
-    draws: int = 8,
+    actuators: tuple[str, ...],
 ) -> list[dict[str, Any]]:
-    """Median RMSE over random draws of symmetric energy models trained on few poses.
+    """Median RMSE over eight random draws of symmetric energy models trained on few poses.
 
     Of poses (N, 6 + m) with the inputs of m actuators the energies are `actuatedD`; those with more
     coefficients than equations are left out.
@@ -171,7 +170,7 @@ def energy_learning(
             kinds = tuple(name.partition("_")[0] for name in actuators)
             if ActuatedTerms(length_m, kinds, degree, 3).count() > 6 * min(count, len(train[0])):
                 continue
-        for draw in range(draws):
+        for draw in range(8):
             rng = np.random.default_rng([seed, 5, degree, count, draw])
             take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
             own = train[0][take], train[1][take]
