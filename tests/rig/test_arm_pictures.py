@@ -74,13 +74,13 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     record: dict[str, Any] = {"reached": 0, "poses": 7, "reasons": []}
     step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
     figures = {f"arm_{name}": values for name, values in arrays.items()}
-    section = arm_section(step, figures, {"d": "D-optimal"})
+    section = arm_section(step, figures)
     (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
     assert "not reached: while in phase impedance: force" in figure.caption
     arrays, phases, reason = first_pose_trace(pictures(tmp_path / "cache"))
     assert reason == ""
     step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
-    section = arm_section(step, figures, {"d": "D-optimal"})
+    section = arm_section(step, figures)
     (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
     assert "the first pose that was reached" in figure.caption
 

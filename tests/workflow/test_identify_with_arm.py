@@ -23,8 +23,6 @@ from support.arm_rig import FAST, settings
 from support.neck import ROOT, Done, csv_text, neck_columns
 from support.report_pages import open_page
 
-NAMES = {"d": "D-optimal", "maximin": "maximin"}
-
 
 def test_the_rig_of_another_file_leaves_the_rest_of_the_job() -> None:
     neck = read_config(ROOT / "examples" / "neck.toml")
@@ -149,7 +147,7 @@ def test_processes_may_change_while_a_campaign_is_interrupted(
 def test_the_report_shows_the_arm(measured: Step3, tmp_path: Path) -> None:
     job, step = measured.job, measured.summary
     step["arm"]["records"]["d"]["reasons"] = [[3, 2, "joint 4 would be at 118.2 degrees"]]
-    section = arm_section(step["arm"], job.figures, NAMES)
+    section = arm_section(step["arm"], job.figures)
     Report("Arm", "", [section]).write(tmp_path / "arm.html")
     seen = open_page(tmp_path / "arm.html")
     assert seen.attribute("error") is None

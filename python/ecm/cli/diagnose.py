@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import textwrap
 from collections.abc import Sequence
@@ -202,16 +201,7 @@ def _listed(effects: Sequence[Effect]) -> str:
 def _document(effect: Effect) -> dict[str, Any]:
     fields = ("id", "physics", "signature", "needs", "side", "kind")
     return {name: getattr(effect, name) for name in fields} | {
-        "parameters": [
-            {
-                "name": item.name,
-                "unit": item.unit,
-                "scale": item.scale,
-                "lower": item.lower if math.isfinite(item.lower) else None,
-                "upper": item.upper if math.isfinite(item.upper) else None,
-            }
-            for item in effect.parameters
-        ],
+        "parameters": list(map(asdict, effect.parameters)),
         "rivals": _rivals(effect),
-        "outside": {"what": effect.outside.what, "apart": effect.outside.apart},
+        "outside": asdict(effect.outside),
     }

@@ -12,8 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from ecm.cli.session import Session, check_output_directory, model_named_after, saved_by_force
 from ecm.comparison import compare as compare_model
 from ecm.comparison.result import comparison_report
@@ -155,7 +153,7 @@ def predict(
         predicted = predict_table(opened, table, stiffness=kind, progress=tell, **options)
     session.warn(*predicted.warnings[len(table.warnings) :])
     if rotation:
-        vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
+        vectors = predicted.matrix(POSE[3:])
         predicted = predicted.with_columns(rotation_columns(rotation, vectors))
     with session.working(f"writing {out}") as tell:
         predicted.write(out, progress=tell)

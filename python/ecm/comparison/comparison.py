@@ -107,8 +107,7 @@ def compare(
         values[scored] for values in residuals_by_block(rows, predicted, noise, model.base.error)
     )
     groups = row_groups(table)[scored]
-    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
-    excited = np.ptp(measured[scored], axis=0) > 1e-12
+    excited = np.ptp(table.matrix(model.outputs)[scored], axis=0) > 1e-12
     if not excited.any():
         excited[:] = True
     mean = float((whitened[:, excited] ** 2).mean())

@@ -65,7 +65,7 @@ def residual_figure(
                 "label": draw.plain(name),
                 "method": "update",
                 "args": [
-                    {"x": [_plain(maps.variables[name][maps.drawn])]},
+                    {"x": [draw.short(maps.variables[name][maps.drawn])]},
                     {f"annotations[{last}].text": _x_title(name)["text"]},
                 ],
             }
@@ -78,7 +78,7 @@ def residual_figure(
         buttons = []
         for key, unit in kinds:
             values = (maps.over_noise if unit == over else maps.physical)[key]
-            arrays = [_plain(values[maps.drawn, j]) for j in range(values.shape[1])]
+            arrays = [draw.short(values[maps.drawn, j]) for j in range(values.shape[1])]
             label = f"{_FRAMES[key]}, {unit}"
             buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
         active = kinds.index((frame, over if over_noise else "in its unit"))
@@ -198,7 +198,3 @@ def _x_title(name: str) -> dict[str, Any]:
         "y": -0.12,
         "yanchor": "top",
     }
-
-
-def _plain(values: F) -> list[float]:
-    return [float(f"{value:.5g}") for value in values]

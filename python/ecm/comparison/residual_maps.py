@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.comparison.residuals import dependence_shares, dependence_variables
+from ecm.comparison.residuals import dependence_shares, dependence_variables, second_degree
 from ecm.comparison.structure import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
@@ -271,9 +271,7 @@ def residual_stiffness(rows: Rows, whitened: F, whitener: F) -> tuple[F, F] | tu
     unit = deflection / scale
     columns = [np.ones((n, 1)), unit]
     if n >= 84:
-        columns.append(
-            np.stack([unit[:, i] * unit[:, j] for i in range(6) for j in range(i + 1)], axis=1)
-        )
+        columns.append(second_degree(unit))
     basis = np.concatenate(columns, axis=1)
     if n < 2 * basis.shape[1] or np.linalg.matrix_rank(basis) < basis.shape[1]:
         return None, None

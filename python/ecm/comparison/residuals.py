@@ -40,7 +40,7 @@ def confounded_with_order(
         when = table.column("time_s")
     groups = table.groups()
     parts = np.zeros(len(table), dtype=np.int64) if groups is None else groups
-    loads = np.stack([table.column(name) for name in outputs], axis=1)
+    loads = table.matrix(outputs)
     # The spread of a constant component is a rounding error.
     scale = np.where(np.ptp(loads, axis=0) > 1e-12, loads.std(axis=0), np.inf)
     named = {name: table.column(name) for name in candidate_covariates(table, inputs, outputs)}
@@ -123,6 +123,11 @@ def in_each_component(whitener: F, values: F) -> F:
     return np.asarray(whitener[:, :, :, None] * values[:, None, None, :]).reshape(n, m, m * q)
 
 
+def second_degree(values: F) -> F:
+    """Return (N, 21) squares and products of six coordinates (N, 6)."""
+    return np.stack([values[:, i] * values[:, j] for i in range(6) for j in range(i + 1)], axis=1)
+
+
 def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
     """Return the names whose product a name of `features` stands for; none for the constant.
 
@@ -150,7 +155,7 @@ def covariates(rows: Rows) -> dict[str, F]:
     if "time_s" not in variables and len(table) > 1:
         variables["row"] = _standard(table.row_numbers.astype(np.float64)[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
-        side = approach_sides(table, rows.length_m if rows.has_length else None)
+        side = approach_sides(table, rows.base.length_m)
         if float(np.ptp(side)) > 0.0:
             variables["approach"] = side
     return variables
@@ -183,9 +188,7 @@ def dependence_variables(rows: Rows) -> dict[str, F]:
             if np.isfinite(values).all():
                 variables[name] = values
     if table.has("approach") and rows.base.inputs == POSE:
-        variables["approach_side"] = approach_sides(
-            table, rows.length_m if rows.has_length else None
-        )
+        variables["approach_side"] = approach_sides(table, rows.base.length_m)
     return variables
 
 

@@ -161,8 +161,7 @@ class Comparison(Shown):
         refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
         if refitted and fitted_here(made.model, made.table):
             own = errors.whitener @ base_columns(rows, made.model.base)
-        scored = rows.table.of_poses
-        return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
+        return structure_test(rows, errors.whitened, errors.whitener, fitted=own)
 
     @cached_property
     def references(self) -> ReferenceModels | None:

@@ -15,8 +15,8 @@ from functools import partial
 
 import numpy as np
 
-from ecm.comparison.residuals import KNOWN, features, in_each_component
-from ecm.io.arrays import B, F, I, rms
+from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
+from ecm.io.arrays import F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
@@ -59,9 +59,7 @@ class StructureTest:
         return self.p < LEVEL and self.strength >= LEAST_STRENGTH
 
 
-def structure_test(
-    rows: Rows, whitened: F, whitener: F, scored: B, *, fitted: F | None = None
-) -> StructureTest:
+def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) -> StructureTest:
     """Test the residual of a model for structure.
 
     Parameters
@@ -72,12 +70,11 @@ def structure_test(
         (N, m) residual over its noise.
     whitener
         (N, m, m) of the rows.
-    scored
-        (N,) rows that measure a pose.
     fitted
-        (N, m, k) whitened columns of the coefficients that were fitted to these rows; default none.
+        (N, m, k) whitened columns of the coefficients that were fitted to these rows; None: none.
     """
     n, m = whitened.shape
+    scored = rows.table.of_poses
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
     known = features(rows, max(1, min(90, n // 3)))[0]
@@ -232,13 +229,12 @@ def signature_shares(
     scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
     identity = np.broadcast_to(np.eye(6), (n, 6, 6))
     in_each = partial(in_each_component, identity)
-    even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
     named: dict[str, F] = {
         "proportional": rows.wrench[:, :, None],
         "constant_in_base": identity,
         "constant_in_body": rows.base_from_top,
         "odd": in_each(scaled),
-        "even": in_each(even),
+        "even": in_each(second_degree(scaled)),
     }
     values, names = features(rows, 90)
     for covariate in (*KNOWN, "approach"):

@@ -419,11 +419,15 @@ def _first_ten(poses: F, ids: I) -> list[_Visit]:
     return _measure(range(min(10, len(poses))))
 
 
+def _from_middle(poses: F) -> F:
+    """(n, 6) distances from the median pose, each coordinate over its spread."""
+    return np.asarray((poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12))
+
+
 def _conditioning(poses: F, ids: I) -> list[_Visit]:
     """Five times to the three largest poses, then the first ten again."""
-    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
-    largest = np.argsort(-(away**2).sum(axis=1))
-    return [*(v for _ in range(5) for v in _measure(largest[:3])), *_first_ten(poses, ids)]
+    largest = np.argsort(-(_from_middle(poses) ** 2).sum(axis=1))
+    return [*_measure(largest[:3]) * 5, *_first_ten(poses, ids)]
 
 
 def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
@@ -440,7 +444,7 @@ def _homes(poses: F, ids: I) -> list[_Visit]:
 
     A set grows that way, and faster than before; a slip stays, a marker goes on with time.
     """
-    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    away = _from_middle(poses)
     largest = away[int((away**2).sum(axis=1).argmax())]
     one_side = np.argsort(-(away @ largest))[:8].tolist()
     return _with_checks(_measure(one_side * 8), "home", 1)
@@ -479,8 +483,7 @@ def _dead_weights(poses: F, ids: I) -> list[_Visit]:
 
 
 def _repeated(poses: F, ids: I) -> list[_Visit]:
-    some = _spread_out(poses, 10)
-    return _measure([i for _ in range(4) for i in some])
+    return _measure(_spread_out(poses, 10) * 4)
 
 
 def _push_and_pull(poses: F, ids: I) -> list[_Visit]:

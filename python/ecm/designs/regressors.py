@@ -518,11 +518,13 @@ def predicted_columns(
     moving = np.flatnonzero(high > low)
     degree = polynomial_degree(settings.model)
 
+    sd: F = COMPONENT_SD
+    if degree is None and base is not None:  # root mean variance over the candidates
+        sd = np.sqrt(base.noise.variances(base.rows(poses)).mean(axis=0))
+
     def columns(at: F) -> F:
         if degree is None:
-            blocks = model_columns(at, settings, base)
-            sd = COMPONENT_SD if base is None else _component_sd(base, poses)
-            return blocks / sd[None, :, None]
+            return model_columns(at, settings, base) / sd[None, :, None]
         return _polynomial(poses, at, degree)[:, None, :]
 
     sample = poses[seen]
@@ -532,8 +534,3 @@ def predicted_columns(
         step[j] = _STEP * (high[j] - low[j])
         steps.append((columns(sample + step) - columns(sample - step)) / (4.0 * _STEP))
     return columns(sample), np.concatenate(steps, axis=1)
-
-
-def _component_sd(base: NominalModel, poses: F) -> F:
-    """(6,) root mean variance of a reading's components over the candidates."""
-    return np.asarray(np.sqrt(base.noise.variances(base.rows(poses)).mean(axis=0)))

@@ -446,7 +446,8 @@ class _Judged:
     @cached_property
     def refitted(self) -> Errors | None:
         """Errors of its kind fitted to the rows."""
-        return self.base if self.is_base else self.of_fit(self.fits[0])
+        own = self.is_base or self.is_form_of_base
+        return self.base if own else self.of_fit(self.fits[0])
 
     @cached_property
     def fits_again(self) -> bool:
@@ -457,8 +458,7 @@ class _Judged:
         if fit is None or self.needed or _far_behind(self.refitted, self.base):
             return False
         whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
-        scored = fit.rows.table.of_poses
-        return not structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design).found
+        return not structure_test(fit.rows, fit.whitened, whitener, fitted=fit.design).found
 
     @property
     def too_plain(self) -> bool:

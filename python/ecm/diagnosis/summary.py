@@ -244,8 +244,8 @@ def _add(document: Mapping[str, Any]) -> str:
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
         before, after = addition["held_out"]["before"], addition["held_out"]["after"]
-        brings = ""
-        if after is not None and not document["model"]["is_base"]:  # the first line says that one
+        brings, model = "", document["model"]
+        if after is not None and model["name"] != model["base"]:  # the first line says it of that
             brings = f"   (this model {before:.2f} -> {after:.2f} times the noise)"
         return f"{command}{brings}"
     if document["verdict"] in ("named", "ambiguous") and not without_inputs:
@@ -388,19 +388,20 @@ def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
             if document["answer"]
         ),
         *(table for table in tables if table.rows),
-        *_addition(document.get("addition"), document["model"]["is_base"]),
+        *_addition(document),
     ]
 
 
-def _addition(addition: Mapping[str, Any] | None, is_base: bool) -> list[Block]:
+def _addition(document: Mapping[str, Any]) -> list[Block]:
     """What adding the effects to the given model brings, and the command."""
+    addition, model = document.get("addition"), document["model"]
     if addition is None:
         return []
     names, held_out = " and ".join(addition["effects"]), addition["held_out"]
     text = f"Add it: {names}"
     if addition["refused"]:
         text += f" cannot be added to this model: {addition['refused']}"
-    elif held_out["after"] is not None and not is_base:
+    elif held_out["after"] is not None and model["name"] != model["base"]:
         text += f"; this model's held-out error {held_out['before']:.2f} -> "
         text += f"{held_out['after']:.2f} times the noise"
     if addition["remedy"] is None:

@@ -36,7 +36,7 @@ def is_zero(table: Table) -> B:
     names = table.wrench_columns
     if not names or not table.has("kind"):
         return np.zeros(len(table), dtype=np.bool_)
-    nothing = np.all([table.column(name) == 0.0 for name in names], axis=0)
+    nothing = (table.matrix(names) == 0.0).all(axis=1)
     return np.asarray((table.text("kind") == "unloaded") & nothing, dtype=np.bool_)
 
 
@@ -141,8 +141,7 @@ def distinct_rows(table: Table) -> I:
     """
     if table.continuous:
         return np.arange(len(table), dtype=np.int64)
-    names = (*table.pose_columns, *table.wrench_columns)
-    values = np.stack([table.column(name) for name in names], axis=1)
+    values = table.matrix((*table.pose_columns, *table.wrench_columns))
     _, first = np.unique(values, axis=0, return_index=True)
     keep = ~table.of_poses
     keep[first] = True
@@ -210,10 +209,7 @@ def repeat_cells(table: Table) -> I:
     own = np.arange(len(table), dtype=np.int64)
     if not table.has("pose_id"):
         return own
-    keys = [table.column("pose_id")]
-    if table.has("run"):
-        keys.append(table.column("run"))
-    cells = _codes(np.stack(keys, axis=1))
+    cells = _codes(table.matrix([name for name in ("pose_id", "run") if table.has(name)]))
     return np.where(table.of_poses, cells, cells.max() + 1 + own)
 
 

@@ -451,8 +451,7 @@ class Rows:
     @cached_property
     def poses(self) -> F:
         """(N, n) measured pose columns of the base map."""
-        columns = [self.table.column(name) for name in self.base.inputs]
-        return np.ascontiguousarray(np.stack(columns, axis=1))
+        return np.ascontiguousarray(self.table.matrix(self.base.inputs))
 
     @cached_property
     def unloaded(self) -> B:

@@ -97,13 +97,10 @@ def _axis(title: str = "", **settings: Any) -> dict[str, Any]:
 
 
 def _panels(
-    n: int,
-    x_titles: Sequence[str],
-    y_titles: Sequence[str],
-    titles: Sequence[str] = (),
-    **settings: Any,
+    x_titles: Sequence[str], y_titles: Sequence[str], titles: Sequence[str] = (), **settings: Any
 ) -> dict[str, Any]:
-    """Layout of n panels, at most three in a row; `panel_axes` says which axes a trace uses."""
+    """Layout of panels, at most three in a row; `panel_axes` says which axes a trace uses."""
+    n = len(x_titles)
     columns = min(3, n)
     rows = -(-n // columns)
     across, down = 0.075, 0.26 / rows
@@ -136,13 +133,13 @@ def _panel_title(title: str, x: float, y: float) -> dict[str, Any]:
     }
 
 
-def _edge_titles(n: int, x_title: str, y_title: str) -> tuple[list[str], list[str]]:
-    """Axis titles of n panels: x below the last ones, y left of the first ones."""
+def _labelled(labels: Sequence[str], x_title: str, y_title: str, **settings: Any) -> dict[str, Any]:
+    """Layout of a panel below each label, x below the last ones, y left of the first ones."""
+    n = len(labels)
     columns = min(3, n)
-    return (
-        [x_title if i >= n - columns else "" for i in range(n)],
-        [y_title if i % columns == 0 else "" for i in range(n)],
-    )
+    x_titles = [x_title if i >= n - columns else "" for i in range(n)]
+    y_titles = [y_title if i % columns == 0 else "" for i in range(n)]
+    return _panels(x_titles, y_titles, labels, **settings)
 
 
 def panel_axes(panel: int) -> dict[str, str]:
@@ -211,16 +208,13 @@ def histograms(
     limit: float,
     x_title: str,
     y_title: str = "pairs",
-    bins: int = 40,
 ) -> dict[str, Any]:
     """Draw one histogram per column of (N, len(labels)) values, without those above the limit."""
-    edges = np.linspace(-limit, limit, bins + 1)
+    edges = np.linspace(-limit, limit, 41)
     centres = 0.5 * (edges[1:] + edges[:-1])
     n = len(labels)
-    layout = _panels(
-        n, *_edge_titles(n, x_title, y_title), labels,
-        height=200 * -(-n // 3) + 130, barmode="overlay", bargap=0.05,
-    )  # fmt: skip
+    height = 200 * -(-n // 3) + 130
+    layout = _labelled(labels, x_title, y_title, height=height, barmode="overlay", bargap=0.05)
     layout["legend"] |= {"y": 1.06}
     data = [
         _bar(
@@ -241,11 +235,10 @@ def histograms(
 
 def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[str, Any]:
     """Draw predicted over measured values, (N, len(labels)) each; the dashed line is exact."""
-    n = len(labels)
     rows = drawn_rows(predicted - observed)
     points = list(zip(observed[rows].T, predicted[rows].T, strict=True))
     ends = [np.array([np.min(pair), np.max(pair)]) for pair in points]
-    layout = _panels(n, *_edge_titles(n, "measured", "predicted"), labels, height=560)
+    layout = _labelled(labels, "measured", "predicted", height=560)
     line = {"color": INK, "dash": "dash", "width": 1}
     template = "row %{customdata}<br>measured %{x:.3g}<br>predicted %{y:.3g}<extra></extra>"
     marker = {"size": 4, "color": COLOURS[0]}
@@ -276,10 +269,9 @@ def measured_and_modelled(
     is_curve
         Whether the model has one wrench at each place: then it is a line.
     """
-    n = len(outputs)
     rows = drawn_rows(measured - modelled)
     order = rows[np.argsort(over[rows, 0], kind="stable")] if is_curve else rows
-    layout = _panels(n, list(x_titles), list(outputs), height=260 * -(-n // 3) + 120)
+    layout = _panels(x_titles, outputs, height=260 * -(-len(outputs) // 3) + 120)
     layout["legend"] |= {"y": 1.06}
     looks: list[dict[str, Any]] = [
         {"mode": "markers", "marker": {"size": 6 - k, "symbol": symbol, "color": COLOURS[k]}}
@@ -378,7 +370,7 @@ def views(
     """Draw columns (n,) against each other, a pair a panel; those that lack one are left out."""
     shown = [(a, b) for a, b in pairs if a in columns and b in columns]
     data = panel_traces([(columns[a], columns[b]) for a, b in shown], rows, **settings)
-    layout = _panels(len(shown), [a for a, _ in shown], [b for _, b in shown], height=350)
+    layout = _panels([a for a, _ in shown], [b for _, b in shown], height=350)
     return {"data": data, "layout": layout}
 
 
@@ -386,7 +378,7 @@ def residuals_over(x: F, series: Mapping[str, F], *, x_title: str) -> dict[str, 
     """Draw whitened residuals (N, 6) over a covariate (N,), one panel per component."""
     labels = [label.split(" [")[0] for label in COMPONENT_LABELS]
     rows = drawn_rows(next(iter(series.values())))
-    layout = _panels(6, *_edge_titles(6, x_title, "residual / noise"), labels, height=540)
+    layout = _labelled(labels, x_title, "residual / noise", height=540)
     layout["legend"] |= {"y": 1.06}
     data: list[dict[str, Any]] = []
     for k, (name, values) in enumerate(series.items()):
@@ -405,13 +397,14 @@ def component_layout(
     outputs: Sequence[str], legend: str | None, *, x_title: str = ""
 ) -> dict[str, Any]:
     """Return the layout of one panel per component; `panel_axes` gives the axes of a trace."""
-    n = len(outputs)
-    layout = _panels(
-        n, *_edge_titles(n, x_title, ""), outputs,
-        height=210 * -(-n // 3) + 180,
+    layout = _labelled(
+        outputs,
+        x_title,
+        "",
+        height=210 * -(-len(outputs) // 3) + 180,
         showlegend=legend is not None,
         margin={"l": 64, "r": 16, "t": 96, "b": 76},
-    )  # fmt: skip
+    )
     layout["legend"] |= {"x": 1.0, "xanchor": "right", "y": 1.16}
     return layout
 
@@ -513,10 +506,10 @@ def mechanism_blocks(
     caption += drawn_sentence(values[:, None])
     rows, values = rows[chosen], values[chosen]
     columns = {
-        name: _short(table.column(name)[rows]) for name in (*POSE, *WRENCH[:3]) if table.has(name)
+        name: short(table.column(name)[rows]) for name in (*POSE, *WRENCH[:3]) if table.has(name)
     }
     view = view_of(table.meta, body)
-    view |= {"row": (rows + 1).tolist(), "columns": columns, "values": _short(values)}
+    view |= {"row": (rows + 1).tolist(), "columns": columns, "values": short(values)}
     view |= {"title": title, "unit": unit, "name": caption, "link": link}
     return [MechanismBlock(caption, view)]
 
@@ -529,8 +522,9 @@ def _outline(body: Mechanism | None, length_m: float | None) -> list[float] | No
     radius = np.zeros(_PLACES)
     np.maximum.at(radius, place, np.hypot(y, z))
     known = np.flatnonzero(radius)
-    return _short(np.interp(np.arange(_PLACES), known, radius[known]))
+    return short(np.interp(np.arange(_PLACES), known, radius[known]))
 
 
-def _short(values: F) -> list[float]:
+def short(values: F) -> list[float]:
+    """Return numbers of five digits: a figure shows no more."""
     return [float(f"{value:.5g}") for value in np.asarray(values, dtype=float)]

@@ -41,8 +41,6 @@ from ecm.rig.run import require_possible
 from ecm.rig.settings import TABLES as RIG_TABLES
 from ecm.rig.settings import RigSettings
 
-TABLES = ("mechanism", "workspace", "simulate", "select", "design", *RIG_TABLES)
-
 
 @dataclass(frozen=True)
 class SimulateTable(Checked):
@@ -93,6 +91,15 @@ class DesignTable(Checked):
     """Poses in each design."""
     starts: int = setting(10, low=1)
     """Random starts of the exchange; the best is kept."""
+
+
+_TABLES: dict[str, Any] = {
+    "workspace": Workspace,
+    "simulate": SimulateTable,
+    "select": SelectTable,
+    "design": DesignTable,
+}
+"""Settings by table; [mechanism] and those of the rig are read by their own."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +168,7 @@ def config_from_dict(
     InputError
         Naming file, table, key and the nearest known key.
     """
-    check_keys(document, TABLES, where)
+    check_keys(document, ("mechanism", *_TABLES, *RIG_TABLES), where)
     mechanism = Mechanism()
     if "mechanism" in document:
         mechanism = Mechanism.from_dict(document["mechanism"], f"{where} [mechanism]", base=base)
@@ -170,16 +177,9 @@ def config_from_dict(
                 f'{where} [mechanism]: expected a body for FEM: builtin = "cylinder" (or mesh = '
                 '"file.msh") with young_modulus_Pa'
             )
-
-    tables: dict[str, Any] = {
-        "workspace": Workspace,
-        "simulate": SimulateTable,
-        "select": SelectTable,
-        "design": DesignTable,
-    }
     return Config(
         mechanism=mechanism,
-        **read_sections(tables, document, where),
+        **read_sections(_TABLES, document, where),
         rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
         source=where,
     )
@@ -241,6 +241,8 @@ class Job:
     """Arrays for the figures of the report."""
     stages_s: dict[str, float] = field(default_factory=dict)
     """Seconds of each step."""
+    sections: list[Section] = field(default_factory=list)
+    """What the report says, in the order of the work."""
 
     @property
     def of_paper(self) -> bool:
@@ -253,7 +255,8 @@ class Job:
         return self.out / "stages"
 
     def show(self, section: Section) -> None:
-        """Print what a section of the report says."""
+        """Print what a section of the report says, and keep it for the page."""
+        self.sections.append(section)
         self.console.print(text_of(section.blocks) + "\n")
 
     def stage(self, name: str, *inputs: Any) -> Stage:

@@ -54,8 +54,8 @@ from ecm.rig.readings import robot_path
 from ecm.workflow import paper as steps
 from ecm.workflow.config import Config, Console, Job, Silent, read_config
 from ecm.workflow.report_identify import (
+    arm_section,
     design_section,
-    identify_sections,
     loop_section,
     measurement_section,
     result_section,
@@ -63,6 +63,7 @@ from ecm.workflow.report_identify import (
     simulation_section,
     speed_section,
     stiffness_section,
+    workspace_blocks,
 )
 
 DESIGNS = ("d", "maximin")
@@ -183,10 +184,6 @@ def _from_free(job: Job, plan: Table, candidates: Table) -> Table:
     return offsets_from_free(plan, base) if isinstance(base, ActuatedMap) else plan
 
 
-def _without_hidden(rig: RigSettings) -> RigSettings:
-    return replace(rig, hidden=HiddenTable())
-
-
 # --- 1 simulate --------------------------------------------------------------
 
 
@@ -299,7 +296,7 @@ def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
 
 def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> dict[str, Table]:
     """Step 3: a campaign on each design, with nothing hidden in the rig."""
-    rig = _without_hidden(job.config.rig)
+    rig = replace(job.config.rig, hidden=HiddenTable())
     tables, rows = {}, {}
     for name, design in designs.items():
         plan = _from_free(job, paper_plan(candidates, design, seed=job.seed), candidates)
@@ -311,7 +308,8 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
         rows[name] = {"rows": count, "skipped": skipped, "minutes": minutes}
     job.summary["identify"] = {"campaigns": rows}
     if rig.rig.mode == "robot":
-        job.summary["identify"]["arm"] = _arm(job, rig)
+        job.summary["identify"]["arm"] = arm = _arm(job, rig)
+        job.sections.append(arm_section(arm, job.figures))
     return tables
 
 
@@ -341,10 +339,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | No
     settings, step = job.config.select, job.summary["identify"]
     degree, paper = settings.degrees[-1], job.of_paper
     rows, figures = steps.table_three(tables, settings.thresholds, degree=degree, paper=paper)
-    for name, arrays in figures.items():
-        job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
-        job.figures[f"observed_{name}"] = arrays["observed"]
-        job.figures[f"predicted_{name}"] = arrays["predicted"]
+    job.figures |= figures
     cubic = fit_model(tables["d"], PolynomialModel(degree, pcr=0.1))
     cubic.save(job.out / "model-cubic.json")
     models, floor, best, result = _model_table(job, tables, cubic, physics)
@@ -509,7 +504,11 @@ def _write_report(job: Job, times: dict[str, Any]) -> None:
         f"{job.config.design.n} poses, seed {job.seed}."
     )
     try:
-        sections = identify_sections(job.summary, job.figures, times, body)
+        # The result comes first, now with the pictures, and the loop last.
+        *steps_of_work, _, loop, speed = job.sections
+        pictures = workspace_blocks(job.figures, body)
+        result = result_section(job.summary["identify"], times["stages_s"], pictures)
+        sections = [result, *steps_of_work, speed, loop]
         Report("Stiffness identification", lead, sections).write(path)
     except MissingExtra as error:
         job.console.print(f"{numbers}: the numbers; no report.html: {error}")

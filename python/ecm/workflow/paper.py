@@ -155,10 +155,9 @@ def energy_learning(
     degrees: Sequence[int],
     counts: Sequence[int],
     seed: int,
-    actuators: tuple[str, ...] = (),
-    draws: int = 8,
+    actuators: tuple[str, ...],
 ) -> list[dict[str, Any]]:
-    """Median RMSE over random draws of symmetric energy models trained on few poses.
+    """Median RMSE over eight random draws of symmetric energy models trained on few poses.
 
     Of poses (N, 6 + m) with the inputs of m actuators the energies are `actuatedD`; those with more
     coefficients than equations are left out.
@@ -171,7 +170,7 @@ def energy_learning(
             kinds = tuple(name.partition("_")[0] for name in actuators)
             if ActuatedTerms(length_m, kinds, degree, 3).count() > 6 * min(count, len(train[0])):
                 continue
-        for draw in range(draws):
+        for draw in range(8):
             rng = np.random.default_rng([seed, 5, degree, count, draw])
             take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
             own = train[0][take], train[1][take]
@@ -213,7 +212,7 @@ _CALLS = 200
 
 def table_three(
     designs: dict[str, Table], thresholds: Sequence[float], *, degree: int, paper: bool
-) -> tuple[list[dict[str, Any]], dict[str, dict[str, F]]]:
+) -> tuple[list[dict[str, Any]], dict[str, F]]:
     """RMSE on the other design by threshold; and, at b = 0, what Figs 8 to 10 show.
 
     Parameters
@@ -224,7 +223,7 @@ def table_three(
     Returns
     -------
     rows, figures
-        figures[name] holds `observed`, `predicted`, `e_rel` of the model trained on `name`.
+        figures holds `observed_D`, `predicted_D`, `e_rel_measured_D` of the model trained on D.
     """
     measured = {name: table.measured() for name, table in designs.items()}
     pairs = {
@@ -233,7 +232,7 @@ def table_three(
     }
     first, second = designs
     rows = []
-    figures: dict[str, dict[str, F]] = {}
+    figures: dict[str, F] = {}
     for on, other in ((first, second), (second, first)):
         test = pairs[other]
         for b in thresholds:
@@ -243,10 +242,10 @@ def table_three(
             rows.append(row | _errors(model, test, own))
             if b == thresholds[0]:
                 predicted = model.predict(test[0])
-                figures[on] = {
-                    "observed": test[1],
-                    "predicted": predicted,
-                    "e_rel": relative_error(predicted, test[1]),
+                figures |= {
+                    f"observed_{on}": test[1],
+                    f"predicted_{on}": predicted,
+                    f"e_rel_measured_{on}": relative_error(predicted, test[1]),
                 }
     return rows, figures
 

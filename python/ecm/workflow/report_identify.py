@@ -20,20 +20,25 @@ from ecm.rig.arm.trips import COLOURS, PANELS, thousandths
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 
 _MOST_REASONS = 12
+Figures = Mapping[str, F]
+_NAMES = {
+    "d": "D-optimal",
+    "maximin": "maximin",
+    "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
+    "maximin by the paper's exchange": "maximin, simple exchange alone",
+}
 
 
-def arm_section(
-    step: Mapping[str, Any], figures: Mapping[str, F], names: Mapping[str, str]
-) -> Section:
-    """What the arm did in the campaigns of a job; `names` are those of the designs."""
+def arm_section(step: Mapping[str, Any], figures: Figures) -> Section:
+    """What the arm did in the campaigns of a job."""
     records, phases_s = step["records"], step["phases_s"]
     counts = " ".join(
-        f"{names[name]}: {record['reached']} of {record['poses']} poses reached."
+        f"{_NAMES[name]}: {record['reached']} of {record['poses']} poses reached."
         for name, record in records.items()
     )
-    blocks: list[Block] = [TextBlock(counts), _phases(records, names)]
+    blocks: list[Block] = [TextBlock(counts), _phases(records)]
     reasons = [
-        [names[name], str(pose), reason]
+        [_NAMES[name], str(pose), reason]
         for name, record in records.items()
         for _, pose, reason in record["reasons"]
     ]
@@ -54,11 +59,11 @@ def arm_section(
     return Section("The arm", blocks)
 
 
-def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
+def _phases(records: Mapping[str, Any]) -> TableBlock:
     keys = ("median_m", "largest_m", "median_rad", "largest_rad")
     rows = [
         [
-            names[name],
+            _NAMES[name],
             phase,
             *(thousandths(errors[key]) for key in keys),
             " ".join(f"{100.0 * share:.0f}" for share in errors["fraction"].values()),
@@ -75,7 +80,7 @@ def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
     )  # fmt: skip
 
 
-def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict[str, Any]:
+def _figure(figures: Figures, phases_s: Sequence[Sequence[Any]]) -> dict[str, Any]:
     """The way to the goal and back in six panels, the phases as coloured bands."""
     time_s, way, goal = figures["arm_time_s"], figures["arm_way"].T, figures["arm_goal"]
     ends = time_s[[0, -1]]
@@ -113,35 +118,7 @@ def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict
     return {"data": data, "layout": layout}
 
 
-Figures = Mapping[str, F]
-_NAMES = {
-    "d": "D-optimal",
-    "maximin": "maximin",
-    "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
-    "maximin by the paper's exchange": "maximin, simple exchange alone",
-}
 _HEADER = ("fx N", "fy N", "fz N", "τx N m", "τy N m", "τz N m")
-
-
-def identify_sections(
-    summary: Mapping[str, Any], figures: Figures, times: Mapping[str, Any], body: Mechanism
-) -> list[Section]:
-    """Return every section of the page: the result, then the steps in the order of the work."""
-    identified, paper = summary["identify"], summary["of_paper"]
-    sections = [
-        result_section(identified, times.get("stages_s", {}), _workspace(figures, body)),
-        simulation_section(summary["simulate"], figures, paper),
-        selection_section(summary["select"], figures, paper),
-        design_section(summary["select"], figures, paper),
-        measurement_section(identified, figures, paper),
-        stiffness_section(identified, figures, paper),
-        speed_section(times["evaluation"], paper),
-    ]
-    if "arm" in identified:
-        sections.insert(4, arm_section(identified["arm"], figures, _NAMES))
-    if "loop" in summary:
-        sections.append(loop_section(summary["loop"], figures))
-    return sections
 
 
 def _beside_paper(rows: Sequence[Mapping[str, Any]], label: str) -> list[list[Cell]]:
@@ -180,21 +157,19 @@ def _relative_errors(caption: str, series: Mapping[str, F], limit: float) -> Fig
     return FigureBlock(caption, figure)
 
 
-def _workspace(figures: Figures, body: Mechanism) -> list[Block]:
-    """The mechanism in the measured poses of the other design."""
+def workspace_blocks(figures: Figures, body: Mechanism) -> Sequence[Block]:
+    """Return the mechanism in the measured poses of the other design."""
     poses, residual = figures["workspace_poses"], figures["workspace_residual"]
-    return [
-        *mechanism_blocks(
-            as_table(dict(zip(POSE, poses.T, strict=True))),
-            "The mechanism at rest and bent into measured poses that the model has not seen, "
-            "coloured by the residual of the row over its noise.",
-            rows=np.arange(len(poses)),
-            values=residual,
-            title="residual",
-            unit="times the noise",
-            body=body,
-        )
-    ]
+    return mechanism_blocks(
+        as_table(dict(zip(POSE, poses.T, strict=True))),
+        "The mechanism at rest and bent into measured poses that the model has not seen, "
+        "coloured by the residual of the row over its noise.",
+        rows=np.arange(len(poses)),
+        values=residual,
+        title="residual",
+        unit="times the noise",
+        body=body,
+    )
 
 
 def result_section(
@@ -317,7 +292,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
     """Return the designs with their certificates, and the errors that they leave."""
     certificates = [
         [
-            _NAMES.get(name, name),
+            _NAMES[name],
             row["n"],
             f"{row['value']:.5f}",
             f"{row['bound']:.5f}",
@@ -326,8 +301,7 @@ def design_section(step: Mapping[str, Any], figures: Figures, paper: bool) -> Se
         for name, row in step["designs"].items()
     ]
     errors = [
-        [_NAMES.get(row["design"], row["design"]), *row["rmse"], number(row["kappa"], 4)]
-        for row in step["figure_5"]
+        [_NAMES[row["design"]], *row["rmse"], number(row["kappa"], 4)] for row in step["figure_5"]
     ]
     blocks: list[Block] = [
         TableBlock(
@@ -431,7 +405,7 @@ def speed_section(evaluation: Mapping[str, Any], paper: bool) -> Section:
     return Section("Evaluation time", [TextBlock(text), FigureBlock(caption, figure)])
 
 
-def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
+def loop_section(step: Mapping[str, Any], figures: Figures) -> Section:
     """Compare, diagnose, refit; and what had been hidden."""
     diagnosis, history = step["diagnosis"], step["history"]
     blocks: list[Block] = [

@@ -73,7 +73,7 @@ def compute_view(name: str, path: Path, given: Given) -> None:
 def poses(given: Given) -> dict[str, Any]:
     """Return the measured poses and wrenches, the outline of the body, and a line about it."""
     table = given.table()
-    rows = _drawn_rows(len(table))
+    rows = np.arange(0, len(table), -(-len(table) // MOST_ROWS) or 1, dtype=np.int64)
     columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
     return {
         "row": (rows + 1).tolist(),
@@ -284,10 +284,6 @@ def _at_rows(values: F, of: I, row: I) -> F:
     found = np.full((len(row), values.shape[1]), np.nan)
     found[there] = values[np.searchsorted(of, row[there])]
     return found
-
-
-def _drawn_rows(rows: int) -> I:
-    return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
 
 
 def _short(values: F) -> list[float | None]:
