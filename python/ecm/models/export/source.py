@@ -129,24 +129,19 @@ class Source:
         if isinstance(self.inside.base, ActuatedMap):
             document |= self.inside.base.written_out()
         reach = reach_of(self.model, self.inside.base)
-        sealed = seal_model(
-            json.dumps(document if reach is None else {**document, "reach": reach.document()})
-        )
+        if reach is not None:
+            document["reach"] = reach.document()
         steps = json.dumps(self.timed.document) if self.has_state else None
-        follows = (
-            None
-            if self.adapt is None
-            else json.dumps(self.adapt.document(self.timed, self.inside.domain))
-        )
-        return dict(
-            export_model(
-                sealed,
-                self.name,
-                target=language,
-                precision=precision,
-                effects=steps,
-                adapt=follows,
-            )
+        follows = None
+        if self.adapt is not None:
+            follows = json.dumps(self.adapt.document(self.timed, self.inside.domain))
+        return export_model(
+            seal_model(json.dumps(document)),
+            self.name,
+            target=language,
+            precision=precision,
+            effects=steps,
+            adapt=follows,
         )
 
     @property
