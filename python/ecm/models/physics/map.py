@@ -357,7 +357,7 @@ def physics_map(
         family = build_family(
             kept.shape, kept.settings, stage=stage, threads=threads, progress=progress
         )
-        _write(kept.path, family)
+        _write(kept.path, plain(family))
         stage.forget_parts()
     return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
@@ -443,9 +443,8 @@ class _Kept:
         if not build:
             return None
         found = mesh_difference(self.shape, family.symmetry, threads=threads, progress=progress)
-        with suppress(OSError):  # a cache that cannot be written only costs time
-            document = {"mesh_difference": None if found is None else plain(found)}
-            write_atomically(self.directory / name, json.dumps(document))
+        kept = None if found is None else plain(found)
+        _write(self.directory / name, {"mesh_difference": kept})
         return found
 
 
@@ -491,7 +490,7 @@ def _read(path: Path) -> PhysicsFamily | None:
         return None
 
 
-def _write(path: Path, built: PhysicsFamily) -> None:
+def _write(path: Path, document: dict[str, Any]) -> None:
     """Write to the cache; one that cannot be written only costs time."""
     with suppress(OSError):
-        write_atomically(path, json.dumps(plain(built)))
+        write_atomically(path, json.dumps(document))
