@@ -141,11 +141,6 @@ class FunctionModel(ModelSpecification):
         """Least squares within bounds, priors counted as readings."""
         return fit_parameters(self.map(table), table, progress)
 
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> FunctionMap:
-        """Raise ValueError: no file holds a function."""
-        raise ValueError("a function is in no model file")
-
 
 _MOST_SIGNS, _MOST_DEPTH = 20_000, 60
 _CONSTANTS = {"pi": math.pi}
