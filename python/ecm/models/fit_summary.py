@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,10 +12,11 @@ from ecm.errors import EcmError
 from ecm.io.arrays import rms
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
+from ecm.models.evaluation import on_what_is_measured
 from ecm.models.maps import ModelSpecification, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.parameters import ParametrisedMap
-from ecm.models.partial import MeasuredMap, measured_part
+from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
@@ -57,7 +57,7 @@ def fit_summary(
     """
     measured = table.measured()
     whole = fitted
-    fitted = replace(fitted, base=measured_part(fitted.base, measured))
+    fitted = on_what_is_measured(fitted, measured)
     predicted = fitted.predict(inputs_of(fitted.base, measured))
     components: dict[str, dict[str, float | None]] = {}
     sentences: list[str] = []
