@@ -51,7 +51,7 @@ def rust(source: Source) -> Exported:
 
 
 def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Exported:
-    written: dict[str, str | bytes] = dict(source.code(language, source.precision))
+    written: dict[str, str | bytes] = dict(source.code(language))
     if not source.whole or source.actuators:
         return Exported(written, next_step=next_step)
     poses = source.poses()

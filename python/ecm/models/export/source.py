@@ -121,9 +121,7 @@ class Source:
         loop = self.loop or LoopSettings()
         return loop.mass_kg or _MASS_KG, loop.inertia_kg_m2 or _INERTIA_KG_M2
 
-    def code(
-        self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
-    ) -> dict[str, str]:
+    def code(self, language: Literal["c", "rust"] = "c") -> dict[str, str]:
         """Source code of the model by its path."""
         document = self.inside.document()
         if isinstance(self.inside.base, ActuatedMap):
@@ -139,7 +137,7 @@ class Source:
             seal_model(json.dumps(document)),
             self.name,
             target=language,
-            precision=precision,
+            precision=self.precision,
             effects=steps,
             adapt=follows,
         )
