@@ -372,19 +372,6 @@ class _Backbone(SixAxisMap):
         """The same map with other parameters."""
         return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
 
-    def predict(self, poses: F) -> F:
-        """(N, 6) poses to (N, 6) wrenches."""
-        raise NotImplementedError
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6) by central differences."""
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        slope = finite(
-            "the stiffness",
-            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
-        )
-        return partial_to(kind, slope, poses, self)
-
     def document(self) -> dict[str, Any]:
         """Length and parameters by name."""
         parameters = dict(zip(self.names, self.coefficients.tolist(), strict=True))
@@ -432,6 +419,15 @@ class ConstantCurvatureMap(_Backbone):
     def predict(self, poses: F) -> F:
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.coefficients)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6) by central differences."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        slope = finite(
+            "the stiffness",
+            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
+        )
+        return partial_to(kind, slope, poses, self)
 
 
 def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
