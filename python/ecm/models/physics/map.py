@@ -200,17 +200,13 @@ class PhysicsMap(SixAxisMap):
 
     def with_coefficients(self, coefficients: F) -> PhysicsMap:
         """The same map with other values of the coefficients."""
-        if self.family is None or self.values is None:
+        family, old = self.family, self.values
+        if family is None or old is None:
             return replace(self, factor=float(coefficients[0]))
-        given = zip(self.free, map(float, coefficients), strict=True)
-        return self._with_values({**self.values, **dict(given)})
-
-    def _with_values(self, values: Mapping[str, float]) -> PhysicsMap:
-        family, old = self._tabulated()
-        same = all(values[name] == old[name] for name in PARAMETERS[1:])
-        if same:
+        values = {**old, **dict(zip(self.free, map(float, coefficients), strict=True))}
+        if all(values[name] == old[name] for name in PARAMETERS[1:]):
             ratio = values["young_modulus_Pa"] / old["young_modulus_Pa"]
-            return replace(self, values=dict(values), factor=self.factor * ratio)
+            return replace(self, values=values, factor=self.factor * ratio)
         own = old["young_modulus_Pa"] / self.factor
         stated = {**values, "young_modulus_Pa": own}
         return replace(
@@ -218,7 +214,7 @@ class PhysicsMap(SixAxisMap):
             surrogate=family.at(stated),
             own_error=family.own_error(stated, diameter="diameter_m" in self.free),
             factor=values["young_modulus_Pa"] / own,
-            values=dict(values),
+            values=values,
         )
 
     def _tabulated(self) -> tuple[PhysicsFamily, Mapping[str, float]]:
