@@ -169,7 +169,7 @@ TARGETS: dict[str, Target] = {
 
 
 _WITH_CODE = ("polynomial", "energy", "physics", "actuated")
-"""Kinds of maps that `ecm._native.export_model` writes as """
+"""Kinds of maps that `ecm._native.export_model` writes as they are."""
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
 """Begins the description of exported crates."""
 _NO_POSES = (
