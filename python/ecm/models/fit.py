@@ -171,8 +171,7 @@ def _has_energy_of_inputs(table: Table) -> bool:
 
 
 def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
-    is_function = callable(model) and not isinstance(model, type)
-    if is_function and not isinstance(model, ModelSpecification):
+    if callable(model) and not isinstance(model, type | ModelSpecification):
         return FunctionModel(model, parameters_of({} if parameters is None else parameters))
     if parameters is not None:
         raise InputError("parameters belong to a function; an Expression has its own")
