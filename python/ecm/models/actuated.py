@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -50,10 +50,10 @@ def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
     None where no other order fits 1.2 times better, and for a model without symmetry.
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
-    if len(names) < 2:
+    if len(names) < 2 or model.symmetry == "general":
         return None
-    terms = ActuatedTerms(1.0, tuple(map(kind_of, names)), low.degree, low.order, low.symmetry)
-    if model.symmetry == "general" or 3 * len(table) < terms.count():
+    kinds = tuple(map(kind_of, names))
+    if 3 * len(table) < ActuatedTerms(1.0, kinds, low.degree, low.order, low.symmetry).count():
         return None
     plain = table.drop(*amount_columns(table.columns))
 
@@ -70,8 +70,7 @@ def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
     else:
         swaps = [(names[i], names[j]) for j in range(len(names)) for i in range(j + 1)]
         orders = [tuple({a: b, b: a}.get(name, name) for name in names) for a, b in swaps]
-    kinds = [kind_of(name) for name in names]
-    orders = [order for order in orders if [kind_of(name) for name in order] == kinds]
+    orders = [order for order in orders if tuple(map(kind_of, order)) == kinds]
     errors = {order: error(order) for order in orders}
     best = min(orders, key=lambda order: errors[order])
     if errors[names] <= _EXCHANGED * errors[best]:
@@ -377,11 +376,12 @@ class WallStiffness(ModelSpecification):
             )
         rows = inputs_of(base, table)
         noise = declared_or_fitted(base, table)
-        if weights == "spread" or noise.source != "declared":
+        known = weights != "spread" and noise.source == "declared"
+        if known:
+            whitener = whiteners(noise.covariance(Rows(table, base)))
+        else:
             spread = _spread(table.wrenches)
             whitener = np.broadcast_to(np.diag(1.0 / spread), (len(table), 6, 6))
-        else:
-            whitener = whiteners(noise.covariance(Rows(table, base)))
 
         def left(logs: F) -> F:
             made = self._map(np.exp(logs)).predict(rows) - table.wrenches
@@ -392,7 +392,6 @@ class WallStiffness(ModelSpecification):
         jacobian = np.asarray(found.jac, dtype=np.float64)
         inverse = np.linalg.pinv(jacobian.T @ jacobian)
         variance = 2.0 * float(found.cost) / freedom
-        known = weights != "spread" and noise.source == "declared"
         return np.exp(found.x), inverse if known else variance * inverse, variance
 
     @property
@@ -424,8 +423,3 @@ class WallStiffness(ModelSpecification):
         """(c, c) of the coefficients, which move together."""
         slopes = self._map(factors).coefficients[:, None] * self._powers[0]
         return np.asarray(slopes @ of_logs @ slopes.T)
-
-    @staticmethod
-    def map_from_document(document: dict[str, Any]) -> ActuatedMap:
-        """Return the map of an opened model file: that of any energy of pose and inputs."""
-        return ActuatedModel.map_from_document(document)

@@ -12,6 +12,7 @@ lambda > -w^2, also at poses where the mechanism by itself would buckle.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,10 +59,6 @@ class Gains:
         w, rate = self.bandwidth_rad_s, 2.0 * self.bandwidth_rad_s / self.dt_s
         now = w * w * (1.0 + self.reset_per_s * self.dt_s) + rate
         return self.factor * float(np.hypot(now, rate))
-
-    def later(self, steps: int) -> Gains:
-        """The same gains with another delay."""
-        return replace(self, delay_steps=steps)
 
     def decay_per_s(self, model: C | F, plant: C | F) -> F:
         """Least rate at which an error falls; below 0 it grows.
@@ -295,15 +292,11 @@ def design_loop(
     mass, inertia = _mass(stiffness, settings)
     weights = 1.0 / np.array([mass] * 3 + [inertia] * 3)
     modes = np.linalg.eigvals(weights[:, None] * stiffness).astype(np.complex128)
-    least = Gains(1.0, settings.dt_s, settings.delay_steps)
-    tried = [
-        Gains(lag / ((least.delay_steps + 1) * least.dt_s), least.dt_s, least.delay_steps)
-        for lag in _LAGS
-    ]
+    dt, delay = settings.dt_s, settings.delay_steps
+    tried = [Gains(lag / ((delay + 1) * dt), dt, delay) for lag in _LAGS]
     critical = _critical(modes)
     gains = max(tried, key=lambda gains: _merit(gains, critical, softness))
-    delays = tuple(sorted({0, least.delay_steps // 2, least.delay_steps}))
-    rates = _rates(gains, modes, softness, delays).min(axis=1)
+    rates = _rates(gains, modes, softness, {0, delay // 2, delay}).min(axis=1)
     holds = rates > 0.0
     for factor in (0.8, 1.25):
         holds &= _bears(gains, modes, softness, factor).all(axis=1)
@@ -334,11 +327,13 @@ def _mass(stiffness: F, settings: LoopSettings) -> tuple[float, float]:
     return settings.mass_kg or mass, settings.inertia_kg_m2 or inertia
 
 
-def _rates(gains: Gains, modes: C, softness: tuple[float, ...], delays: tuple[int, ...]) -> F:
+def _rates(gains: Gains, modes: C, softness: tuple[float, ...], delays: Collection[int]) -> F:
     """Least rate of each mode over softness and delays."""
     flat = modes.ravel()
     rates = [
-        gains.later(delay).decay_per_s(flat, share * flat) for share in softness for delay in delays
+        replace(gains, delay_steps=delay).decay_per_s(flat, share * flat)
+        for share in softness
+        for delay in delays
     ]
     return np.asarray(np.min(rates, axis=0).reshape(modes.shape))
 
@@ -389,7 +384,7 @@ def _gain_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[f
 
 def _delay_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> float:
     def holds(steps: int) -> bool:
-        return bool(_bears(gains.later(steps), modes, softness).all())
+        return bool(_bears(replace(gains, delay_steps=steps), modes, softness).all())
 
     more = 0
     while more < 100 and holds(gains.delay_steps + more + 1):

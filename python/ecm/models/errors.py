@@ -141,7 +141,7 @@ def held_out(fit: JointFit) -> float | None:
     if len(np.unique(parts)) < 2:
         return None
     design, scored = fit.design, table.of_poses
-    root, expected = fit.prior or (np.zeros((0, design.shape[2])), np.zeros(0))
+    root, expected = fit.prior
     if len(held := fit.held_columns):
         design, root = np.delete(design, held, axis=2), np.delete(root, held, axis=1)
     equations = NormalEquations.of(design, fit.whitened, groups)

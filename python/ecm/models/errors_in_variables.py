@@ -144,8 +144,10 @@ class _Passes:
         """Take the rows that this pass has read."""
         if self._progress is not None:
             at = self._done + done / rows
-            self._share = max(self._share, at / (self._done + self._left))
-            self._progress(self._share, 1.0, f"pass {self._done + 1} of about {self._expected}")
+            passes = self._done + self._left
+            self._share = max(self._share, at / passes)
+            about = min(passes, _MAX_ITERATIONS)
+            self._progress(self._share, 1.0, f"pass {self._done + 1} of about {about}")
 
     def ended(self, change: float, ratio: float) -> None:
         """Take the change of a pass, and over that of the pass before, where it is not the last."""
@@ -154,10 +156,6 @@ class _Passes:
         rate = min(max(ratio, 0.01), 0.9) if near else _TYPICAL_RATE
         self._done += 1
         self._left = max(1, math.ceil(math.log(_TOLERANCE / change) / math.log(rate)))
-
-    @property
-    def _expected(self) -> int:
-        return min(self._done + self._left, _MAX_ITERATIONS)
 
 
 def fits_without_folds(

@@ -32,7 +32,7 @@ from ecm.models.maps import (
     variances_of,
     wrench_variances,
 )
-from ecm.models.partial import MeasuredMap
+from ecm.models.partial import MeasuredMap, measured_part
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, actuators_of, columns_of, inputs_of, is_whole
 
@@ -408,6 +408,12 @@ class EvaluatedModel:
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
         return Rows(Table(columns_of(self.base, poses), meta, "poses"), self.base)
+
+
+def on_what_is_measured(model: ModelT, table: Table) -> ModelT:
+    """The model of the wrench columns that the table has: one of six may be fitted to three."""
+    base = measured_part(model.base, table)
+    return model if base is model.base else replace(model, base=base)
 
 
 def is_one_pose(poses: F, base: StiffnessMap) -> bool:

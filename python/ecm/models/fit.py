@@ -27,7 +27,7 @@ from ecm.io.table import MetaLike, Table, TableLike, as_table, takes_table
 from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
-from ecm.models.evaluation import error_of_report
+from ecm.models.evaluation import error_of_report, on_what_is_measured
 from ecm.models.expression import Expression, FunctionModel
 from ecm.models.joint_fit import declared_or_fitted
 from ecm.models.maps import (
@@ -135,7 +135,7 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         raise InputError(f"{table.source}: {unfit}", remedy=way) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
-    part = replace(fitted, base=measured_part(fitted.base, table))
+    part = on_what_is_measured(fitted, table)
     known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
     if wrong is not None:
         known["misread"] = {"sentence": wrong.sentence()}
@@ -171,8 +171,7 @@ def _has_energy_of_inputs(table: Table) -> bool:
 
 
 def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
-    is_function = callable(model) and not isinstance(model, type)
-    if is_function and not isinstance(model, ModelSpecification):
+    if callable(model) and not isinstance(model, type | ModelSpecification):
         return FunctionModel(model, parameters_of({} if parameters is None else parameters))
     if parameters is not None:
         raise InputError("parameters belong to a function; an Expression has its own")
@@ -676,8 +675,7 @@ def as_model(given: Any, table: Table) -> Model:
     if isinstance(given, str | Path) and Path(given).suffix.lower() == ".json":
         given = load_model(given)
     if isinstance(given, Model):
-        base = measured_part(given.base, table)
-        return given if base is given.base else replace(given, base=base)
+        return on_what_is_measured(given, table)
     if isinstance(given, Expression):
         base = given.map()
     elif isinstance(given, ModelSpecification):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,14 +10,15 @@ from ecm.errors import EcmError
 from ecm.io.arrays import rms
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
+from ecm.models.evaluation import on_what_is_measured
 from ecm.models.maps import ModelSpecification, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.parameters import ParametrisedMap
-from ecm.models.partial import MeasuredMap, measured_part
+from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.selection import CrossValidation, Told, cross_validate
+from ecm.models.selection import Told, cross_validate
 from ecm.regression.folds import CHOSEN, split_words
 from ecm.regression.history import correlation_time
 from ecm.regression.rows import inputs_of
@@ -57,7 +55,7 @@ def fit_summary(
     """
     measured = table.measured()
     whole = fitted
-    fitted = replace(fitted, base=measured_part(fitted.base, measured))
+    fitted = on_what_is_measured(fitted, measured)
     predicted = fitted.predict(inputs_of(fitted.base, measured))
     components: dict[str, dict[str, float | None]] = {}
     sentences: list[str] = []
@@ -135,14 +133,13 @@ def _held_out(
     """
     try:
         if not table.meta.group:
-            check = partial(cross_validate, fitted=base, progress=progress)
-            folds = _shares(table, model, check, _FOLDS, True, [seed])
+            folds = cross_validate(
+                table, model, folds=_FOLDS, seed=seed, fitted=base, progress=progress
+            ).shares
             how = f"held out, {split_words(table.measured(), _FOLDS)}"
             return {"folds": folds, "sentences": _told(how, folds)}
-        seeds = [seed + i for i in range(_HALVINGS)]
-        check = partial(cross_validate, fitted=base)
-        own = _shares(table, model, check, 2, True, seeds, progress)
-        random = _shares(table, model, check, 2, False, seeds, progress)
+        own = _shares_of_halves(table, model, True, seed, base, progress)
+        random = _shares_of_halves(table, model, False, seed, base, progress)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -156,25 +153,22 @@ def _held_out(
     return {"by_group": own, "by_random_rows": random, "sentences": sentences}
 
 
-def _shares(
+def _shares_of_halves(
     table: Table,
     model: ModelSpecification,
-    check: Callable[..., CrossValidation],
-    folds: int,
     grouped: bool,
-    seeds: Sequence[int],
-    progress: Told = None,
+    seed: int,
+    base: StiffnessMap,
+    progress: Told,
 ) -> dict[str, float]:
-    """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
+    """Held-out RMSE over the spread of each component that is excited, median over divisions."""
     results = []
-    for done, seed in enumerate(seeds):
+    for i in range(_HALVINGS):
         if progress is not None:
-            progress(done, len(seeds))
-        results.append(check(table, model, folds=folds, grouped=grouped, seed=seed))
-    return {
-        column: float(np.median([result.shares[column] for result in results]))
-        for column in results[0].shares
-    }
+            progress(i, _HALVINGS)
+        halves = cross_validate(table, model, folds=2, grouped=grouped, seed=seed + i, fitted=base)
+        results.append(halves.shares)
+    return {column: float(np.median([own[column] for own in results])) for column in results[0]}
 
 
 def _percent(share: float) -> str:

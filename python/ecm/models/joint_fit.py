@@ -142,12 +142,11 @@ class JointFit:
     """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
     covariance: F
     """(k, k) of the parameters, base first; errors that all rows share are included."""
-    iterations: int
     converged: bool
-    smallest_taken: bool = False
+    smallest_taken: bool
     """Whether effects and base hold a common column, of which the base got what it could."""
-    prior: tuple[F, F] | None = None
-    """(r, k) and (r,): whitened rows of the prior beside those of the table, at the fit."""
+    prior: tuple[F, F]
+    """(r, k) and (r,): whitened rows of the priors beside those of the table, at the fit."""
 
     @property
     def held_columns(self) -> I:
@@ -235,12 +234,9 @@ def joint_fit(
         whitened=y,
         design=z,
         covariance=covariance,
-        iterations=iteration,
         converged=converged,
         smallest_taken=bool((least != np.eye(len(least))).any()),
-        prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), at.base, priors)
-        if priors
-        else None,
+        prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), at.base, priors),
     )
 
 

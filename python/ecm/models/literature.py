@@ -17,7 +17,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -39,7 +39,6 @@ from ecm.models.maps import (
     MapDefaults,
     ModelSpecification,
     SixAxisMap,
-    StiffnessMap,
     Weights,
     finite,
     length_of,
@@ -87,7 +86,7 @@ class _Learned(MapDefaults):
         refuse_long_rotations(poses, self.inputs)
         units = self.output_scale[1][:, None] / self.input_scale[1]
         slope = finite("the stiffness", lambda: self._slope(self._scaled(poses)) * units)
-        return partial_to(kind, slope, poses, cast(StiffnessMap, self))
+        return partial_to(kind, slope, poses, self)
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
@@ -373,32 +372,16 @@ class _Backbone(SixAxisMap):
         """The same map with other parameters."""
         return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
 
-    def predict(self, poses: F) -> F:
-        """(N, 6) poses to (N, 6) wrenches."""
-        raise NotImplementedError
-
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, 6, 6) by central differences."""
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        slope = finite(
-            "the stiffness",
-            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
-        )
-        return partial_to(kind, slope, poses, cast(StiffnessMap, self))
-
     def document(self) -> dict[str, Any]:
         """Length and parameters by name."""
         parameters = dict(zip(self.names, self.coefficients.tolist(), strict=True))
         return self.head(length_m=self.length, parameters=parameters)
 
     @classmethod
-    def from_document(cls: type[AnyBackbone], document: dict[str, Any]) -> AnyBackbone:
+    def from_document(cls, document: dict[str, Any]) -> Any:
         """Return the map of an opened model file."""
         values = [float(document["parameters"][name]) for name in cls.names]
         return cls(float(document["length_m"]), np.array(values))
-
-
-AnyBackbone = TypeVar("AnyBackbone", bound=_Backbone)
 
 
 @dataclass(frozen=True)
@@ -437,6 +420,15 @@ class ConstantCurvatureMap(_Backbone):
         """(N, 6) poses to (N, 6) wrenches."""
         return finite("the prediction", lambda: self.columns(poses) @ self.coefficients)
 
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6) by central differences."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        slope = finite(
+            "the stiffness",
+            lambda: np.stack(central_differences(self.predict, poses, 1e-6), axis=2),
+        )
+        return partial_to(kind, slope, poses, self)
+
 
 def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
     """EA, GA, EI, GJ of the clamped rod with this compliance (6,) at rest; means over y and z."""
@@ -471,7 +463,7 @@ class RodMap(_Backbone):
         known = np.isfinite(slope).all(axis=(1, 2))
         stiffness = np.full_like(slope, np.nan)
         stiffness[known] = np.linalg.inv(slope[known])
-        return h, partial_to(kind, stiffness, poses, cast(StiffnessMap, self))
+        return h, partial_to(kind, stiffness, poses, self)
 
     def _solved(self, poses: F) -> tuple[F, F]:
         """(N, 6) wrenches and (N, 6, 6) d pose / d wrench; NaN where no equilibrium exists."""

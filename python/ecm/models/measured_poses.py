@@ -9,9 +9,10 @@ Older files hold none: their poses are those that loads bend the model to inside
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,6 @@ _MOST_LOAD = 1.2
 _NEIGHBOURS = 6
 """Rows with which a row is mixed."""
 _SEED = 11
-_FORCE, _TORQUE = slice(3), slice(3, 6)
 _MARGIN = 1.01
 """Size over that of the data: fits average repeated poses, so that measured ones lie beyond."""
 _THINNEST = 0.03
@@ -324,7 +324,7 @@ def _loaded_poses(model: EvaluatedModel) -> F:
     poses = centre + loads @ compliance.T
     poses = poses[((low <= poses) & (poses <= high)).all(axis=1)]
     poses = poses[np.linalg.norm(poses[:, 3:], axis=1) < 3.0][: 4 * _MOST_STORED]
-    sizes = [np.linalg.norm(loads[:, part], axis=1).max() for part in (_FORCE, _TORQUE)]
+    sizes = [np.linalg.norm(loads[:, part], axis=1).max() for part in (slice(3), slice(3, 6))]
     excess = (_loads(model, poses) / (_MOST_LOAD * np.array(sizes))).max(axis=1)
     least = np.argsort(excess, kind="stable")[:_MOST_STORED]
     return np.asarray(poses[least[excess[least] <= max(1.0, excess[least[len(least) // 10]])]])
@@ -342,8 +342,7 @@ def _ranges(model: EvaluatedModel) -> F:
     return np.array([model.domain.get(name, known.get(name, (0.0, 0.0))) for name in inputs])
 
 
-Form = TypeVar("Form")
-Map = TypeVar("Map", EnergyMap, PolynomialMap)
+Folded = EnergyMap | PolynomialMap
 _ENERGIES: tuple[tuple[int, Symmetry], ...]
 _ENERGIES = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
 """Degree and symmetry of the energies that are tried."""
@@ -354,7 +353,7 @@ _SMALL_ERROR = 0.15
 """An energy whose error over the noise is smaller is near enough to fold effects into."""
 
 
-def folded(model: EvaluatedModel) -> tuple[EnergyMap | PolynomialMap, float]:
+def folded(model: EvaluatedModel) -> tuple[Folded, float]:
     """The smallest map that is near enough to the base with its effects, and how far it differs.
 
     Rms of the worst component over the noise at measured poses. An energy; of few pose columns,
@@ -370,19 +369,16 @@ def folded(model: EvaluatedModel) -> tuple[EnergyMap | PolynomialMap, float]:
             fitted = _native.PolynomialEvaluator.fit(poses, wrenches, degree)
             return PolynomialMap(fitted, base.inputs, base.outputs)
 
-        return _first_near_enough(range(least, most + 1), polynomial, model)
+        degrees = range(least, most + 1)
+        return _first_near_enough([partial(polynomial, degree) for degree in degrees], model)
     rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     length = float(rest[0, 0])
-
-    def energy(form: tuple[int, Symmetry], poses: F, wrenches: F) -> EnergyMap:
-        return EnergyTerms(length, *form).fit(poses, wrenches)
-
-    return _first_near_enough(_ENERGIES, energy, model)
+    return _first_near_enough([EnergyTerms(length, *form).fit for form in _ENERGIES], model)
 
 
 def _first_near_enough(
-    forms: Iterable[Form], fitted: Callable[[Form, F, F], Map], model: EvaluatedModel
-) -> tuple[Map, float]:
+    fits: Sequence[Callable[[F, F], Folded]], model: EvaluatedModel
+) -> tuple[Folded, float]:
     """The first of several forms whose error over the noise is small, else the best, and its error.
 
     Mixes of near measured poses are fitted, and the error is that at the measured ones, which lie
@@ -390,13 +386,13 @@ def _first_near_enough(
     """
     rows, near = measured_poses(model), near_poses(model, _POSES, around=_AROUND)
     noise, truth, between = noise_sd(model), model.predict(rows), model.predict(near)
-    trials: list[tuple[float, Form]] = []
-    for form in forms:
+    trials: list[tuple[float, Callable[[F, F], Folded]]] = []
+    for fit in fits:
         try:
-            found = fitted(form, near, between)
+            found = fit(near, between)
         except ModelError:  # more terms than these poses tell
             continue
-        trials.append((worst_over(noise, found.predict(rows) - truth), form))
+        trials.append((worst_over(noise, found.predict(rows) - truth), fit))
         if trials[-1][0] < _SMALL_ERROR:
             break
     if not trials:
@@ -405,4 +401,4 @@ def _first_near_enough(
             "more poses"
         )
     share, best = min(trials, key=lambda trial: trial[0])
-    return fitted(best, np.vstack([rows, near]), np.vstack([truth, between])), share
+    return best(np.vstack([rows, near]), np.vstack([truth, between])), share

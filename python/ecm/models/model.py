@@ -571,9 +571,7 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _ranges(document: Any) -> dict[str, tuple[float, float]]:
-    if not isinstance(document, dict):
-        raise TypeError(f"ranges of columns: found {document!r}")
+def _ranges(document: dict[str, Any]) -> dict[str, tuple[float, float]]:
     return {name: (float(low), float(high)) for name, (low, high) in document.items()}
 
 

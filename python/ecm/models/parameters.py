@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,7 +20,7 @@ from ecm.io.events import Progress
 from ecm.io.settings import check_keys
 from ecm.io.table import Table
 from ecm.models.joint_fit import covariance_of, declared_or_fitted, spread_noise, unit_products
-from ecm.models.maps import FittedMap, MapDefaults, StiffnessMap
+from ecm.models.maps import FittedMap, MapDefaults
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows
 
@@ -217,11 +217,8 @@ class ParametrisedMap(MapDefaults):
         return lines
 
 
-AMap = TypeVar("AMap", bound=ParametrisedMap)
-
-
-def fit_parameters(base: AMap, table: Table, progress: Progress | None = None) -> FittedMap:
-    """Least squares of the parameters from their start, within bounds, with their priors.
+def fit_parameters(base: Any, table: Table, progress: Progress | None = None) -> FittedMap:
+    """Least squares of a `ParametrisedMap` from its values, within bounds, with the priors.
 
     First each component counts by its spread; then rows count by the noise, declared or else what
     the first fit leaves, with the stiffness of the fit before.
@@ -235,23 +232,21 @@ def fit_parameters(base: AMap, table: Table, progress: Progress | None = None) -
     """
     measured, poses = table.matrix(base.outputs), table.matrix(base.inputs)
     base.predict(poses)  # refuses what gives no number
-    as_map = cast("StiffnessMap", base)
     if not base.parameter_names:
-        return FittedMap(as_map, declared_or_fitted(as_map, table))
+        return FittedMap(base, declared_or_fitted(base, table))
     noise, fitted, jacobian, squares = spread_noise(measured), base, np.zeros((0, 0)), 0.0
     for i in range(_WEIGHTINGS):
         if progress is not None:
             progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
-        whitener = whiteners(noise.covariance(Rows(table, as_map), fitted.error))
+        whitener = whiteners(noise.covariance(Rows(table, fitted), fitted.error))
         fitted, jacobian, squares = _least_squares(fitted, poses, measured, whitener)
-        as_map = cast("StiffnessMap", fitted)
-        noise = declared_or_fitted(as_map, table)
+        noise = declared_or_fitted(fitted, table)
     freedom = measured.size - len(fitted.parameter_names)
     variance = None if noise.is_residual or freedom <= 0 else squares / freedom
-    return FittedMap(as_map, noise, covariance_of(*unit_products(jacobian)), variance)
+    return FittedMap(fitted, noise, covariance_of(*unit_products(jacobian)), variance)
 
 
-def _least_squares(base: AMap, poses: F, measured: F, whitener: F) -> tuple[AMap, F, float]:
+def _least_squares(base: Any, poses: F, measured: F, whitener: F) -> tuple[Any, F, float]:
     """The fitted map, the whitened Jacobian with the priors' rows, and the squares left."""
     mean, sd = base.prior
     known = np.isfinite(sd)

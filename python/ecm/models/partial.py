@@ -175,8 +175,12 @@ def fit_measured(
     base: StiffnessMap = MeasuredMap(start, measured_outputs(table, start))
     measured = table.matrix(base.outputs)
     joint = joint_fit(base, (), table, spread_noise(measured))
-    size = np.sqrt((joint.design**2).sum(axis=(0, 1)))
-    _refuse_few(table, base, int(np.count_nonzero(size > 0.0)), measured.size)
+    seen = int(np.count_nonzero((joint.design**2).sum(axis=(0, 1)) > 0.0))
+    if measured.size < seen:
+        raise InputError(
+            f"{table.source}: {measured.size} readings of {', '.join(base.outputs)} for {seen} "
+            f"coefficients of {base.name}: give more rows, or take a lower degree"
+        )
     noise = declared_or_fitted(joint.base, table)
     for i in range(0 if spread else _WEIGHTINGS):
         if progress is not None:
@@ -192,14 +196,6 @@ def fit_measured(
     # The spread of what was measured is no noise of the columns that a whole map predicts beside.
     known = declared_or_fitted(fitted, table) if noise.is_residual else noise
     return FittedMap(fitted, known, joint.covariance, variance)
-
-
-def _refuse_few(table: Table, base: StiffnessMap, seen: int, readings: int) -> None:
-    if readings < seen:
-        raise InputError(
-            f"{table.source}: {readings} readings of {', '.join(base.outputs)} for {seen} "
-            f"coefficients of {base.name}: give more rows, or take a lower degree"
-        )
 
 
 def _unseen(design: F) -> int:

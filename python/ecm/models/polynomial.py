@@ -50,12 +50,12 @@ def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> 
         b, or a text: `0.1`, `0.003/sqrtN`, `rank:60`, `press`.
     """
     if not isinstance(pcr, str):
-        return _positive(pcr, str(pcr))
+        return _threshold(pcr, pcr)
     text = pcr.strip().lower()
     if text.endswith("/sqrtn"):
-        return _positive(_number(text[:-6], pcr), pcr) * float(np.sqrt(len(poses)))
+        return _threshold(text[:-6], pcr) * float(np.sqrt(len(poses)))
     if text != "press" and not text.startswith("rank:"):
-        return _positive(_number(text, pcr), pcr)
+        return _threshold(text, pcr)
     values, rmse = _native.PolynomialEvaluator.leave_one_out(poses, wrenches, degree)
     if text == "press":
         rank = press_rank(rmse, len(poses))
@@ -85,14 +85,12 @@ def press_rank(rmse: F, rows: int) -> int:
     return int(np.argmax(error <= limit)) + 1
 
 
-def _number(text: str, given: str) -> float:
+def _threshold(number: float | str, given: float | str) -> float:
+    """The B of a threshold, of at least 0; InputError for anything else."""
     try:
-        return float(text)
+        value = float(number)
     except ValueError:
-        raise InputError(f"PCR threshold {given!r}: expected B, B/sqrtN, rank:R or press") from None
-
-
-def _positive(value: float, given: str) -> float:
+        raise InputError(f"PCR threshold {given!r}: expected {_FORMS}") from None
     if not (np.isfinite(value) and value >= 0.0):
         raise InputError(f"--pcr {given}: expected {_FORMS}, B greater than or equal to 0")
     return value

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
+from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_rows, refuse_unused_inputs
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
-from ecm.models.partial import measured_part
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
 from ecm.models.registry import parse_model
@@ -125,7 +125,7 @@ def refuse_worse(
     """
     if before is not None:
         refuse_addition(fitted, table, before)
-    fitted = _on_what_is_measured(fitted, table)
+    fitted = on_what_is_measured(fitted, table)
     errors, noise = errors_and_noise(fitted, table)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
@@ -174,18 +174,13 @@ def objections(fitted: Model, table: Table, before: Model) -> list[str]:
     before
         The model without it.
     """
-    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
+    fitted, before = on_what_is_measured(fitted, table), on_what_is_measured(before, table)
     errors, noise = errors_and_noise(fitted, table)
     return [
         *_worse_than(before, fitted, table, errors, noise),
         *_worse_held_out(fitted),
         *undetermined(fitted, table, before),
     ]
-
-
-def _on_what_is_measured(model: Model, table: Table) -> Model:
-    """The model of the wrench columns that the table has: one of six may be fitted to three."""
-    return replace(model, base=measured_part(model.base, table))
 
 
 def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
@@ -195,7 +190,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
     has left the interval that the rows gave it without the effect, although they do not
     determine it with the effect; one that was positive and is not any more.
     """
-    fitted, before = _on_what_is_measured(fitted, table), _on_what_is_measured(before, table)
+    fitted, before = on_what_is_measured(fitted, table), on_what_is_measured(before, table)
     bounds = {
         f"{item.id}.{parameter.name}": item.values[j]
         for item in fitted.effects
@@ -241,14 +236,11 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
 def _lost_signs(fitted: Model, old: F, new: F, positive: B) -> list[str]:
     """Directions in which the stiffness at rest was surely positive and is not any more."""
     pairs = [
-        (i, j)
-        for j, name in enumerate(fitted.inputs)
-        for i, output in enumerate(fitted.outputs)
-        if name in POSE
-        and output in WRENCH
-        and POSE.index(name) == WRENCH.index(output)
-        and positive[i, j]
+        (fitted.outputs.index(output), fitted.inputs.index(name))
+        for name, output in zip(POSE, WRENCH, strict=True)
+        if name in fitted.inputs and output in fitted.outputs
     ]
+    pairs = [pair for pair in pairs if positive[pair]]
     if not pairs:
         return []
     rows, columns = map(list, zip(*pairs, strict=True))
@@ -439,11 +431,8 @@ def _held_near_physics(changed: Model, table: Table) -> Model | None:
     if not free or not stated or changed.inputs != POSE:
         return None
     physics = replace(changed, base=fit_rows(table, PhysicsModel()).base, history=()).fit(table)
-    if not isinstance(physics.base, PhysicsMap):
-        raise TypeError(f"a refit of the physics gave a map of kind {physics.base.kind}")
-    prior = physics_prior(
-        changed.base, physics.base, physics.effects, without_zero_readings(table), physics.noise
-    )
+    base, rows = cast(PhysicsMap, physics.base), without_zero_readings(table)
+    prior = physics_prior(changed.base, base, physics.effects, rows, physics.noise)
     return changed.fit(table, prior=prior)
 
 

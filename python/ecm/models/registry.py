@@ -112,17 +112,12 @@ def map_from_document(document: dict[str, Any]) -> StiffnessMap:
 
 def _whole(document: dict[str, Any], place: str) -> StiffnessMap:
     """The map of a document at some place of the file, which is checked by its family's layout."""
-    family = _family_of(document)
+    family = next((family for family in MODELS if family.kind == document.get("kind")), None)
+    if family is None:
+        known = ", ".join(family.kind for family in MODELS)
+        raise InputError(f"kind = {document.get('kind')!r} (expected one of {known})")
     family.layout(len(document["inputs"]), len(document["outputs"]))(document, place)
     return family.map_from_document(document)
-
-
-def _family_of(document: dict[str, Any]) -> type[ModelSpecification]:
-    for family in MODELS:
-        if family.kind == document.get("kind"):
-            return family
-    known = ", ".join(family.kind for family in MODELS)
-    raise InputError(f"kind = {document.get('kind')!r} (expected one of {known})")
 
 
 def _measured(document: dict[str, Any]) -> MeasuredMap:

@@ -51,7 +51,7 @@ def rust(source: Source) -> Exported:
 
 
 def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Exported:
-    written: dict[str, str | bytes] = dict(source.code(language, source.precision))
+    written: dict[str, str | bytes] = dict(source.code(language))
     if not source.whole or source.actuators:
         return Exported(written, next_step=next_step)
     poses = source.poses()
@@ -169,7 +169,7 @@ TARGETS: dict[str, Target] = {
 
 
 _WITH_CODE = ("polynomial", "energy", "physics", "actuated")
-"""Kinds of maps that `ecm._native.export_model` writes as """
+"""Kinds of maps that `ecm._native.export_model` writes as they are."""
 _EXPORTED = "Wrench and stiffness of an elastic mechanism"
 """Begins the description of exported crates."""
 _NO_POSES = (

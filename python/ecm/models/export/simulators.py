@@ -22,6 +22,7 @@ import hashlib
 import io
 import platform
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 from xml.sax.saxutils import escape
@@ -478,15 +479,13 @@ def _described(major: int, start: dict[str, float], outputs: tuple[str, ...]) ->
     return {key: "\n".join(own) for key, own in listed.items()}
 
 
-def _platforms(major: int, name: str) -> list[tuple[str, str, tuple[tuple[str, ...], ...]]]:
+def _platforms(major: int, name: str) -> Iterator[tuple[str, str, tuple[tuple[str, ...], ...]]]:
     """Folder and file of each binary, and the compilers that can make it."""
-    found: list[tuple[str, str, tuple[tuple[str, ...], ...]]] = []
     if sys.platform == "linux" and platform.machine() in ("x86_64", "aarch64"):
         folder = f"{platform.machine()}-linux" if major == 3 else "linux64"
         if major == 3 or platform.machine() == "x86_64":  # FMI 2 has no name for aarch64
-            found.append((folder, f"{name}.so", LINUX))
-    found.append(("x86_64-windows" if major == 3 else "win64", f"{name}.dll", WINDOWS))
-    return found
+            yield folder, f"{name}.so", LINUX
+    yield "x86_64-windows" if major == 3 else "win64", f"{name}.dll", WINDOWS
 
 
 def _zipped(archive: dict[str, str | bytes]) -> bytes:

@@ -121,32 +121,25 @@ class Source:
         loop = self.loop or LoopSettings()
         return loop.mass_kg or _MASS_KG, loop.inertia_kg_m2 or _INERTIA_KG_M2
 
-    def code(
-        self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
-    ) -> dict[str, str]:
+    def code(self, language: Literal["c", "rust"] = "c") -> dict[str, str]:
         """Source code of the model by its path."""
         document = self.inside.document()
         if isinstance(self.inside.base, ActuatedMap):
             document |= self.inside.base.written_out()
         reach = reach_of(self.model, self.inside.base)
-        sealed = seal_model(
-            json.dumps(document if reach is None else {**document, "reach": reach.document()})
-        )
+        if reach is not None:
+            document["reach"] = reach.document()
         steps = json.dumps(self.timed.document) if self.has_state else None
-        follows = (
-            None
-            if self.adapt is None
-            else json.dumps(self.adapt.document(self.timed, self.inside.domain))
-        )
-        return dict(
-            export_model(
-                sealed,
-                self.name,
-                target=language,
-                precision=precision,
-                effects=steps,
-                adapt=follows,
-            )
+        follows = None
+        if self.adapt is not None:
+            follows = json.dumps(self.adapt.document(self.timed, self.inside.domain))
+        return export_model(
+            seal_model(json.dumps(document)),
+            self.name,
+            target=language,
+            precision=self.precision,
+            effects=steps,
+            adapt=follows,
         )
 
     @property

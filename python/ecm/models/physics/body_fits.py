@@ -26,13 +26,14 @@ ROTATION_LIMIT_RAD = 0.8
 MARGIN = 1.1
 NECK_BENDING_NM2 = 0.657
 """EI of a rod like the paper's neck, to which Table I belongs (0.65 MPa, r = 33 mm)."""
-NECK_LENGTH_M = 0.1034
 NOISE = (37e-6, 6e-4, 0.3, 0.010)
 """Standard deviations of the rig: m, rad, N, N m."""
 _DRAWS = 256  # solved together; the poses do not depend on it
 _CANDIDATES = 800
 _MOST_DRAWS = 800_000
 _DEGREE = 6
+LENGTH_M = 0.1034
+"""Length at which every shape is solved, that of the paper's neck."""
 
 
 def rod_like(stiffness: F, length_m: float) -> dict[str, float]:
@@ -48,7 +49,7 @@ def rod_like(stiffness: F, length_m: float) -> dict[str, float]:
 
 def wrench_box(bending_Nm2: float, length_m: float) -> tuple[F, F]:
     """Table I for another body: forces scale with EI / L^2, moments with EI / L."""
-    lever = length_m / NECK_LENGTH_M
+    lever = length_m / LENGTH_M
     moment = bending_Nm2 / NECK_BENDING_NM2 / lever
     factors = np.array([moment / lever] * 3 + [moment] * 3)
     return np.asarray(TABLE_I_MIN) * factors, np.asarray(TABLE_I_MAX) * factors
@@ -120,8 +121,6 @@ def spread_poses(
     return np.ascontiguousarray(pool[np.concatenate([chosen, others])])
 
 
-LENGTH_M = 0.1034
-"""Length at which every shape is solved, that of the paper's neck."""
 SHEAR_MODULUS_PA = 0.65e6 / 2.98
 """Shear modulus with which every shape is solved: a family belongs to a shape, not to a size."""
 _S_STEP = 0.2

@@ -297,7 +297,6 @@ def _axis(mesh: Mesh) -> F:
 
 _BY_YOUNG = np.array([1.0, 0.0, 1.0, 0.0])
 _BY_DIAMETER = np.array([2.0, 2.0, 4.0, 4.0])
-_BY_LENGTH = np.array([2.0, 2.0, 4.0, 4.0])
 
 
 def stated_rod(mechanism: Mechanism) -> Mechanism:
@@ -318,9 +317,10 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
     """The same shape at another length and shear modulus; twelve digits, so that copies agree."""
     longer = length_m / rod.length_m
     stiffer = shear_modulus_Pa / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
+    # A rod of the same shape is thicker by the factor by which it is longer.
     sections: dict[str, Any] = {
         name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
-        for name, power in zip(ROD_SECTIONS, _BY_LENGTH, strict=True)
+        for name, power in zip(ROD_SECTIONS, _BY_DIAMETER, strict=True)
     }
     return replace(
         rod,

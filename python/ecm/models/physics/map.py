@@ -200,17 +200,13 @@ class PhysicsMap(SixAxisMap):
 
     def with_coefficients(self, coefficients: F) -> PhysicsMap:
         """The same map with other values of the coefficients."""
-        if self.family is None or self.values is None:
+        family, old = self.family, self.values
+        if family is None or old is None:
             return replace(self, factor=float(coefficients[0]))
-        given = zip(self.free, map(float, coefficients), strict=True)
-        return self._with_values({**self.values, **dict(given)})
-
-    def _with_values(self, values: Mapping[str, float]) -> PhysicsMap:
-        family, old = self._tabulated()
-        same = all(values[name] == old[name] for name in PARAMETERS[1:])
-        if same:
+        values = {**old, **dict(zip(self.free, map(float, coefficients), strict=True))}
+        if all(values[name] == old[name] for name in PARAMETERS[1:]):
             ratio = values["young_modulus_Pa"] / old["young_modulus_Pa"]
-            return replace(self, values=dict(values), factor=self.factor * ratio)
+            return replace(self, values=values, factor=self.factor * ratio)
         own = old["young_modulus_Pa"] / self.factor
         stated = {**values, "young_modulus_Pa": own}
         return replace(
@@ -218,7 +214,7 @@ class PhysicsMap(SixAxisMap):
             surrogate=family.at(stated),
             own_error=family.own_error(stated, diameter="diameter_m" in self.free),
             factor=values["young_modulus_Pa"] / own,
-            values=dict(values),
+            values=values,
         )
 
     def _tabulated(self) -> tuple[PhysicsFamily, Mapping[str, float]]:
@@ -357,7 +353,7 @@ def physics_map(
         family = build_family(
             kept.shape, kept.settings, stage=stage, threads=threads, progress=progress
         )
-        _write(kept.path, family)
+        _write(kept.path, plain(family))
         stage.forget_parts()
     return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
@@ -443,9 +439,8 @@ class _Kept:
         if not build:
             return None
         found = mesh_difference(self.shape, family.symmetry, threads=threads, progress=progress)
-        with suppress(OSError):  # a cache that cannot be written only costs time
-            document = {"mesh_difference": None if found is None else plain(found)}
-            write_atomically(self.directory / name, json.dumps(document))
+        kept = None if found is None else plain(found)
+        _write(self.directory / name, {"mesh_difference": kept})
         return found
 
 
@@ -491,7 +486,7 @@ def _read(path: Path) -> PhysicsFamily | None:
         return None
 
 
-def _write(path: Path, built: PhysicsFamily) -> None:
+def _write(path: Path, document: dict[str, Any]) -> None:
     """Write to the cache; one that cannot be written only costs time."""
     with suppress(OSError):
-        write_atomically(path, json.dumps(plain(built)))
+        write_atomically(path, json.dumps(document))

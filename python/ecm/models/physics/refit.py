@@ -15,7 +15,7 @@ import numpy as np
 from ecm.effects.protocol import correction_of, jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, svd
-from ecm.io.events import Progress, Steps
+from ecm.io.events import Progress
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
@@ -29,7 +29,6 @@ from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import Rows
 
 _REWEIGHTINGS = 5
-_WEIGHTING = f"weighting {{}} of at most {_REWEIGHTINGS}"
 _TOLERANCE = 0.01
 """Reweighting ends when no parameter changes by this share of its standard deviation."""
 _AT_BOUND = 1e-6
@@ -109,22 +108,22 @@ def refit_physics(
     progress
         Called with the number of weightings that are done, and the most that there may be.
     """
-    steps = Steps({_WEIGHTING.format(i): 1 for i in range(_REWEIGHTINGS + 1)}, progress)
     if base.family is not None:
         base = base.with_free(*(base.free if free is None else free))
     measured = table.measured()
     used = declared_noise(table) if noise is None else noise
-    steps.begin(_WEIGHTING.format(0))
-    joint = joint_fit(base, (), measured, used)
-    for i in range(_REWEIGHTINGS):
-        steps.begin(_WEIGHTING.format(i + 1))
-        before = joint.base.coefficients
-        joint = joint_fit(joint.base, (), measured, used)
+    found = FittedMap(base, used)
+    for i in range(_REWEIGHTINGS + 1):
+        if progress is not None:
+            progress(i, _REWEIGHTINGS + 1, f"weighting {i} of at most {_REWEIGHTINGS}")
+        before = found.base.coefficients
+        joint = joint_fit(found.base, (), measured, used)
+        found = FittedMap(joint.base, used, joint.covariance)
         sd = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
         change = np.abs(joint.base.coefficients - before) / np.where(sd > 0.0, sd, 1.0)
-        if float(change.max(initial=0.0)) < _TOLERANCE:
+        if i > 0 and float(change.max(initial=0.0)) < _TOLERANCE:
             break
-    return FittedMap(joint.base, used, joint.covariance)
+    return found
 
 
 @dataclass(frozen=True)
