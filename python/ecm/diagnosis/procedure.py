@@ -116,18 +116,22 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
 
     A degree is taken with all of its terms or not at all. One strong term of a higher one, which
     was left out with many weak ones, looks like a kink; of an odd law it is two degrees higher.
+    It is tried in place of all names, and in place of each beside the others.
     """
     problem, base = decision.problem, whole_map(decision.problem.base)
     if not isinstance(base, PolynomialMap) or not decision.answer:
         return None
-    measured = problem.table.measured()
+    measured, effects = problem.table.measured(), decision.accepted.effects
+    beside = {(), *(without(effects, item) for item in effects)}
     best, least = None, _error_left(decision)
-    with suppress(ModelError, InputError):  # fewer rows than coefficients
-        for degree in (base.model.degree + 1, base.model.degree + 2):
-            richer = fit_rows(measured, PolynomialModel(degree)).base
-            error = _error(problem, problem.fit_with((), richer).whitened, len(richer.coefficients))
-            if error < least:
-                best, least = richer, error
+    for degree in (base.model.degree + 1, base.model.degree + 2):
+        for kept in beside:
+            with suppress(ModelError, InputError):  # fewer rows than coefficients
+                richer = fit_rows(measured, PolynomialModel(degree)).base
+                fitted = len(richer.coefficients) + sum(item.parameters for item in kept)
+                error = _error(problem, problem.fit_with(kept, richer).whitened, fitted)
+                if error < least:
+                    best, least = richer, error
     return best
 
 

@@ -250,7 +250,7 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
         total = delta_chi2(decision.problem, effects)
         weakest = max(1.0, min(_gains(decision.problem, effects)))
         members = float(max(len(one) for one in classes))
-        share, left = weakest / max(total, weakest), np.clip(decision.left.share, _LEAST_LEFT, 1.0)
+        share, left = weakest / max(total, weakest), max(decision.left.share, _LEAST_LEFT)
         return "named", (1.0, float(np.log(weakest)), members, *map(float, np.log([share, left])))
     if decision.verdict == "none":
         nothing = decision.without_effects.of_nothing
