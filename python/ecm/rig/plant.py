@@ -120,7 +120,7 @@ class Plant:
         return self._conditions(visits).inputs
 
     def _conditions(self, visits: Visits) -> Conditions:
-        loaded = visits.of_kind(POSE, AT_HOME)
+        loaded, optics = visits.of_kind(POSE, AT_HOME), Optics(self.settings.instrument)
         at = Conditions(
             length_m=self.length_m,
             poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
@@ -146,7 +146,8 @@ class Plant:
             sensor_from_top=self._sensor_from_top,
             elastic=self.elastic,
             gradings=self.gradings,
-            camera=Optics(self.settings.instrument),
+            led_places_m=optics.places_m,
+            leds_visible=optics.visible,
             memory=visits.memory,
         )
         if not at.inputs.size:

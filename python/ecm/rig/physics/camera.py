@@ -54,10 +54,10 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
         return cls(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
 
     def measured(self, poses: F, at: Conditions) -> F:
-        if at.camera is None or not self.errors:
+        if at.leds_visible is None or not self.errors:
             return poses
-        visible = at.camera.visible(poses)
-        design = rigid_design(at.camera.places_m)
+        visible = at.leds_visible(poses)
+        design = rigid_design(at.led_places_m)
         errors = np.asarray(self.errors)
         flat = design.reshape(-1, 6)
         errors = errors - (design @ np.linalg.lstsq(flat, errors.ravel(), rcond=None)[0])
