@@ -487,8 +487,7 @@ class SafetyLimits:
         if simulation.data.ncon == 0:
             return ""
         # What the sensor reads beyond the model of the mechanism.
-        self._model.pose[:] = simulation.pose
-        self._model.evaluate()
+        self._model.evaluate(simulation.pose)
         unexplained = simulation.contact_N() + _norm(simulation.wrench[:3] - self._model.wrench[:3])
         if unexplained > self._arm.contact_limit_N:
             return (

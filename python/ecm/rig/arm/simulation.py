@@ -283,8 +283,7 @@ class Servo:
         torque: F = self._spring * (error + self._integral)
         torque += self._damper * speeds_rad_s
         if self._feed_forward:
-            self._model.pose[:] = self.pose()
-            self._model.evaluate()
+            self._model.evaluate(self.pose())
             torque += self._simulation.jacobian_T.dot(self._model.wrench)
         return torque
 
@@ -329,8 +328,7 @@ class Impedance:
     def design(self) -> None:
         """Compute damping and null space in the present configuration."""
         simulation = self._simulation
-        self._model.pose[:] = simulation.pose
-        self._model.evaluate()
+        self._model.evaluate(simulation.pose)
         elastic = 0.5 * (self._model.stiffness + self._model.stiffness.T)
         elastic[np.diag_indices(6)] += self.stiffness
         factor = np.linalg.cholesky(simulation.compliance())
