@@ -21,6 +21,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.se3 import rotation, rotation_vector, seen_from, transpose
+from ecm.rig.physics.true_effect import metric_root
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
@@ -264,7 +265,7 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
 
 def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
     """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
-    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    metric = metric_root(length_m)
     lines = (poses - rest) * metric
     points = (path - rest) * metric
     square = np.maximum((lines**2).sum(axis=1), 1e-18)
