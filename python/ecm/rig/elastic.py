@@ -103,8 +103,7 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     y, z = corners.mean(axis=1)[:, 1:].T
     squared = y**2 + z**2
     radius_squared = float(np.max(np.sum(mesh.nodes_m[:, 1:] ** 2, axis=1)))
-    factor: F = 1.0 + CONTRAST * squared / radius_squared * wave(2.0 * np.arctan2(z, y))
-    return factor
+    return np.asarray(1.0 + CONTRAST * squared / radius_squared * wave(2.0 * np.arctan2(z, y)))
 
 
 def fitted_energy(

@@ -50,8 +50,7 @@ class Optics:
     @property
     def directions(self) -> F:
         """Unit directions (9, 3) of the LEDs in axes that are the base's at rest."""
-        directions: F = _directions() @ self._target.T
-        return directions
+        return np.asarray(_directions() @ self._target.T)
 
     @property
     def places_m(self) -> F:
@@ -200,14 +199,12 @@ class ForceTorqueSensor:
         samples = true + noise * random.standard_normal((count, 6))
         step = np.where(self._step > 0.0, self._step, 1.0)
         counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
-        clipped: F = np.clip(counted, -self._range, self._range)
-        return clipped
+        return np.asarray(np.clip(counted, -self._range, self._range))
 
     def row_covariance(self, window_s: float, adjoint: F) -> F:
         """(6, 6) of a window's mean wrench in top axes: noise and counts over samples."""
         variance = (self._noise**2 + self._step**2 / 12.0) / self.samples(window_s)
-        covariance: F = adjoint @ np.diag(variance) @ adjoint.T
-        return covariance
+        return np.asarray(adjoint @ np.diag(variance) @ adjoint.T)
 
 
 def zero_at(

@@ -289,8 +289,7 @@ class Visits:
     @property
     def zero_readings(self) -> B:
         """Which visits read the sensor with nothing on it, (N,)."""
-        free: B = self.of_kind(OFFSET, UNLOADED) & (self.numbers("dead_weight_kg") == 0.0)
-        return free
+        return np.asarray(self.of_kind(OFFSET, UNLOADED) & (self.numbers("dead_weight_kg") == 0.0))
 
     def numbers(self, name: str) -> F:
         """One number of every visit, (N,)."""

@@ -112,8 +112,7 @@ class Plant:
     def to_top(self, readings: F) -> F:
         """Wrenches (N, 6) at the top in top axes, of sensor readings (N, 6) without zero."""
         known = self.calibrated_top_from_sensor
-        wrenches: F = readings @ (self.top_from_sensor if known is None else known).T
-        return wrenches
+        return np.asarray(readings @ (self.top_from_sensor if known is None else known).T)
 
     def acting(self, visits: Visits) -> F:
         """What acts in the actuators (N, m), from what they were set to."""
@@ -165,8 +164,7 @@ class Plant:
         matrix = np.asarray(instrument.fts_crosstalk).reshape(6, 6) * (1.0 - np.eye(6))
         warm = visits.sensor_temperature_degC - self.settings.plant.room_temperature_degC
         drift = np.outer(warm, instrument.fts_thermal_per_K)
-        readings: F = sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift
-        return readings
+        return np.asarray(sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift)
 
     def _sensor_load(self, all_visits: Conditions, visits: Visits) -> F:
         """Wrench of the sensor on the platform in top axes at the loaded visits, (n, 6)."""

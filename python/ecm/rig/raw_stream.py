@@ -339,8 +339,7 @@ def _lagrange(share: F) -> F:
 
 def _times(stiffness: F, steps: F) -> F:
     """Changes of the wrench (N, 6) by stiffness (N, 6, 6) and steps (N, 6)."""
-    change: F = np.einsum("nij,nj->ni", stiffness, steps)
-    return change
+    return np.asarray(np.einsum("nij,nj->ni", stiffness, steps))
 
 
 def _between(values: F, ends: I, share: F) -> F:

@@ -296,8 +296,7 @@ def _way_points(trace: F) -> F:
     if len(trace) == 0:
         return trace
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))
-    points: F = trace[index]
-    return points
+    return np.asarray(trace[index])
 
 
 _TRIED = 10

@@ -223,8 +223,7 @@ class NonElasticWrench:
             rested=True,
         )  # fmt: skip
         visits = visits_of((visit,), pose[None].copy(), self._nearest, self._hidden.air)
-        wrench: F = (self._plant.load(visits) - self._bare.load(visits))[0]
-        return wrench
+        return np.asarray((self._plant.load(visits) - self._bare.load(visits))[0])
 
 
 _NAME = "controller"

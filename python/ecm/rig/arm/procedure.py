@@ -207,8 +207,7 @@ class SimulatedArm:
                 if (np.abs(simulation.wrench) < rig.free_N * SENSOR_SCALE).all():
                     break
             self._settle(place, quaternion)
-        goal: F = displaced(simulation.pose[None], offset[None])[0]
-        return goal
+        return np.asarray(displaced(simulation.pose[None], offset[None])[0])
 
     def _cartesian(self, phase: str, positions: F, quaternions: F) -> None:
         for k in range(len(positions)):

@@ -299,8 +299,7 @@ class Servo:
         """Pose (6,) of the top frame by the encoders."""
         simulation = self._simulation
         if not self._yield:
-            pose: F = simulation.pose
-            return pose
+            return simulation.pose
         return simulation.pose_after(self.encoders_rad() - simulation.joints_rad)
 
     def damper_torque_Nm(self) -> F:
@@ -355,14 +354,12 @@ class Impedance:
         rate = float(null.dot(simulation.speeds_rad_s))
         damper = 2.0 * arm.damping_ratio * (arm.nullspace_Nm_rad * self._null_inertia) ** 0.5
         acceleration = (arm.nullspace_Nm_rad * angle - damper * rate) / self._null_inertia
-        torque: F = simulation.jacobian_T.dot(wrench) + acceleration * self._null_torque
-        return torque
+        return np.asarray(simulation.jacobian_T.dot(wrench) + acceleration * self._null_torque)
 
 
 def null_direction(jacobian: F) -> F:
     """Unit vector n (7,) with J n = 0."""
-    direction: F = np.linalg.svd(jacobian)[2][6]
-    return direction
+    return np.asarray(np.linalg.svd(jacobian)[2][6])
 
 
 _DIVERGED_NM2 = 1e12
@@ -473,8 +470,7 @@ class Simulation:
         solved: F = np.zeros((6, 7))
         self.library.mj_solveM(self.model, self.data, solved, self.jacobian)
         product: F = solved @ self.jacobian.T
-        symmetric: F = 0.5 * (product + product.T)
-        return symmetric
+        return np.asarray(0.5 * (product + product.T))
 
     def times_inertia(self, vector: F) -> F:
         """Product of the inertia matrix and a vector (7,)."""

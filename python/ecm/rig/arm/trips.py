@@ -259,8 +259,7 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
     """Share (6,) of the motion from rest to the goals that is reached, by least squares."""
     motion = goals - rest
     square = np.maximum((motion**2).sum(axis=0), 1e-30)
-    share: F = ((poses - rest) * motion).sum(axis=0) / square
-    return share
+    return np.asarray(((poses - rest) * motion).sum(axis=0) / square)
 
 
 def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
@@ -271,8 +270,7 @@ def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
     square = np.maximum((lines**2).sum(axis=1), 1e-18)
     share = np.clip(points @ lines.T / square, 0.0, 1.0)
     gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
-    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
-    return nearest
+    return np.asarray(np.sqrt((gaps**2).sum(axis=2).min(axis=1)))
 
 
 def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
