@@ -226,6 +226,11 @@ class SolvedPoses:
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
 
 
+def wrench_change(stiffness: F, steps: F) -> F:
+    """Changes of the wrench (N, 6) by stiffness (N, 6, m) and steps (N, m)."""
+    return np.asarray(np.einsum("nij,nj->ni", stiffness, steps))
+
+
 class Elastic:
     """h(p) and K(p) near the solved poses, which may have the actuators' inputs after them."""
 
@@ -245,11 +250,9 @@ class Elastic:
     def wrench(self, nearest: I, poses: F) -> F:
         """h at (N, 6) or (N, 6 + m), each near the solved pose of that index (N,)."""
         step = poses - self.solved.poses[nearest]
-        h: F = self.solved.wrenches[nearest] + np.einsum(
-            "nij,nj->ni", self.solved.stiffness[nearest], step
-        )
+        h = self.solved.wrenches[nearest] + wrench_change(self.solved.stiffness[nearest], step)
         if self.smooth is not None:
-            line = self._s[nearest] + np.einsum("nij,nj->ni", self._slope[nearest], step)
+            line = self._s[nearest] + wrench_change(self._slope[nearest], step)
             h = h + self.smooth.predict(poses) - line
         return h
 
@@ -292,8 +295,7 @@ class Grading:
 
     def wrench(self, nearest: I, step: F) -> F:
         """At `step` (N, 6) away from the solved poses."""
-        change: F = self.wrenches[nearest] + np.einsum("nij,nj->ni", self.stiffness[nearest], step)
-        return change
+        return self.wrenches[nearest] + wrench_change(self.stiffness[nearest], step)
 
 
 def solve_cached(

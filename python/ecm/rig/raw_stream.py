@@ -29,7 +29,7 @@ from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.columns import VELOCITY, WRENCH
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses
+from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses, wrench_change
 from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
@@ -217,13 +217,13 @@ class RawStream:
         slope = np.einsum("nk,nkij->nij", weights, self._slope[self.leg])
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
         smooth, smooth_slope = self._map(poses)
-        wrenches = smooth + missed + _times(slope[:, :, :6], off)
+        wrenches = smooth + missed + wrench_change(slope[:, :, :6], off)
         stiffness = smooth_slope + slope
         rows = np.hstack([poses, goals[self.leg, 6:]])
         samples = SolvedPoses(rows, wrenches, stiffness, ("solved",) * len(rows))
         gradings: Mapping[str, Grading] = {
             name: Grading(
-                np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + _times(k, off)]),
+                np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + wrench_change(k, off)]),
                 np.concatenate([g.stiffness, k]),
             )
             for name, g in self._plant.gradings.items()
@@ -253,7 +253,7 @@ class RawStream:
         # Where the body is not stable under the inputs of the end, G leads there from the start.
         starts = np.asarray([leg.solved[0] for leg in self.legs])
         more = (nodes[:, 0] - known.poses[starts])[:, 6:]
-        begin = known.wrenches[starts] + _times(known.stiffness[starts][:, :, 6:], more)
+        begin = known.wrenches[starts] + wrench_change(known.stiffness[starts][:, :, 6:], more)
         parts = []
         for values, first, smooth in zip(
             (every.wrenches, every.stiffness),
@@ -335,11 +335,6 @@ def _lagrange(share: F) -> F:
     """Lagrange's polynomials of the nodes at (N,) shares: (N, 4)."""
     columns = [np.prod([(share - m) / (n - m) for m in NODES if m != n], axis=0) for n in NODES]
     return np.stack(columns, axis=1)
-
-
-def _times(stiffness: F, steps: F) -> F:
-    """Changes of the wrench (N, 6) by stiffness (N, 6, 6) and steps (N, 6)."""
-    return np.asarray(np.einsum("nij,nj->ni", stiffness, steps))
 
 
 def _between(values: F, ends: I, share: F) -> F:
