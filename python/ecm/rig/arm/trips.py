@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE as POSE_COLUMNS
-from ecm.io.se3 import rotation, rotation_vector, seen_from, transpose
+from ecm.io.se3 import displacement, seen_from
 from ecm.rig.physics.true_effect import metric_root
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
@@ -153,19 +153,14 @@ def plan_trips(
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
         via, offset = tuple(points[1:-1]), None
         if visit.free is not None and via and np.array_equal(via[-1], visit.free):
-            via, offset = via[:-1], _offset(visit.free, visit.pose)
+            via = via[:-1]
+            offset = displacement(visit.free[None, :6], visit.pose[None, :6])[0]
         stops.append(
             Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart, acting[i], offset)
         )
         last = visit.time_s + 0.5 * visit.window_s + travel_s(rest - visit.pose, procedure)
     close()
     return trips
-
-
-def _offset(free: F, pose: F) -> F:
-    """Shift and turn (6,) in base axes from one pose to another."""
-    turn = rotation(pose[None, 3:6]) @ transpose(rotation(free[None, 3:6]))
-    return np.concatenate([pose[:3] - free[:3], rotation_vector(turn)[0]])
 
 
 def extra_s(visit: Visit, procedure: Procedure) -> float:
