@@ -11,8 +11,6 @@ taken off again.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ecm.io.arrays import B, F
@@ -23,14 +21,11 @@ from ecm.rig.settings import Instruments
 LENSES_NEEDED = 2
 DOME_RAD = 0.5
 """Eight of the LEDs look away from the target's normal by this angle, one along it."""
-
-
-@lru_cache(maxsize=1)
-def _directions() -> F:
-    angle = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
-    side, up = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
-    ring = np.stack([side * np.cos(angle), side * np.sin(angle), up], axis=1)
-    return np.concatenate([[[0.0, 0.0, 1.0]], ring])
+_ANGLES = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
+_SIDE, _UP = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
+_RING = np.stack([_SIDE * np.cos(_ANGLES), _SIDE * np.sin(_ANGLES), _UP], axis=1)
+_DIRECTIONS = np.concatenate([[[0.0, 0.0, 1.0]], _RING])
+"""Of the LEDs, in axes of the target."""
 
 
 class Optics:
@@ -50,7 +45,7 @@ class Optics:
     @property
     def directions(self) -> F:
         """Unit directions (9, 3) of the LEDs in axes that are the base's at rest."""
-        return np.asarray(_directions() @ self._target.T)
+        return np.asarray(_DIRECTIONS @ self._target.T)
 
     @property
     def places_m(self) -> F:
