@@ -313,7 +313,5 @@ def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) 
     screw[:, :, 3:] = stiffness[:, :, 3:] @ left_jacobian_inverse(poses[:, 3:])
     position, angle = Camera(settings.instrument).row_sd(window)
     pose = np.repeat([position**2, angle**2], 3)
-    covariance: F = turn @ sensor @ np.swapaxes(turn, 1, 2) + (screw * pose) @ np.swapaxes(
-        screw, 1, 2
-    )
-    return covariance
+    read = turn @ sensor @ np.swapaxes(turn, 1, 2)
+    return np.asarray(read + (screw * pose) @ np.swapaxes(screw, 1, 2))
