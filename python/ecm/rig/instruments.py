@@ -100,6 +100,8 @@ class Camera:
     def __init__(self, settings: Instruments) -> None:
         self._settings = settings
         self._optics = Optics(settings)
+        self._error = np.repeat([settings.camera_error_m, settings.camera_error_rad], 3)
+        self._jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
 
     def images(self, window_s: float) -> int:
         """Number of images in a window."""
@@ -113,18 +115,14 @@ class Camera:
         """
         settings = self._settings
         if settings.led_errors == "common":
-            common = random.standard_normal(6) * np.repeat(
-                [settings.camera_error_m, settings.camera_error_rad], 3
-            )
+            common = self._error * random.standard_normal(6)
         else:
             each = settings.camera_error_m * random.standard_normal((LEDS, 3))
             common = self._optics.rigid(true, each)
         if random.random() < settings.outlier_share:
             common = common * settings.outlier_scale
         count = self.images(window_s)
-        jitter = random.standard_normal((count, 6)) * np.repeat(
-            [settings.camera_jitter_m, settings.camera_jitter_rad], 3
-        )
+        jitter = self._jitter * random.standard_normal((count, 6))
         mean = displaced(true[None, :], (common + jitter.mean(axis=0))[None, :])[0]
         spread = (
             rotate_errors(true, jitter - jitter.mean(axis=0)).std(axis=0, ddof=1)
@@ -142,8 +140,7 @@ class Camera:
         if settings.base_target:
             # The base target shows the motion but for the jitter of its images.
             images = np.sqrt(settings.base_target_images)
-            jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
-            moved = jitter / images * random.standard_normal(6)
+            moved = self._jitter / images * random.standard_normal(6)
         # The camera's own motion by x shows as the target's by -x, turned about the camera.
         back = -moved
         place = true[:3] + back[:3] + np.cross(back[3:], true[:3])
