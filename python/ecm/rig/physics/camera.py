@@ -43,8 +43,8 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
     its place.
     """
 
-    errors: tuple[tuple[float, ...], ...] = ()
-    """Errors (9, 3) of unit size; empty: none."""
+    errors: tuple[tuple[float, ...], ...]
+    """Errors (9, 3) of unit size."""
 
     limit: ClassVar[Limit] = Limit(0.1, "larger tilts")
 
@@ -54,8 +54,7 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
         return cls(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
 
     def measured(self, poses: F, at: Conditions) -> F:
-        if at.leds_visible is None or not self.errors:
-            return poses
+        assert at.leds_visible is not None
         visible = at.leds_visible(poses)
         design = rigid_design(at.led_places_m)
         errors = np.asarray(self.errors)
