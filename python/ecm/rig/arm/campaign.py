@@ -232,10 +232,10 @@ class RobotCampaign(Campaign):
             self.stops.append(stop)
             own_inputs = planned.pose[6:]
             way = np.concatenate([way, with_inputs(_way_points(stop.trace), own_inputs)])
-            after, began_s = rest[:0], trip.depart_s + shift_s
+            after, began_s = rest[:0], trip.stops[k].depart_s + shift_s
             if k == len(trip.stops) - 1:
                 after = with_inputs(_way_points(result.home.trace), off)
-                shift_s += result.duration_s - (trip.home_s - trip.depart_s)
+                shift_s += result.duration_s - (trip.home_s - trip.stops[k].depart_s)
             if stop.reason:
                 way = np.concatenate([way, after])
                 self._skip(stop, stop.reason)

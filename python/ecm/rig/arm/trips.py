@@ -76,10 +76,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class PlannedTrip:
-    """The stops of one trip, and when it leaves home and returns by the plan."""
+    """The stops of one trip, and when it returns home by the plan."""
 
     stops: tuple[Stop, ...]
-    depart_s: float
     home_s: float
 
 
@@ -136,7 +135,7 @@ def plan_trips(
 
     def close() -> None:
         if stops:
-            trips.append(PlannedTrip(tuple(stops), depart, last))
+            trips.append(PlannedTrip(tuple(stops), last))
             stops.clear()
 
     for i, visit in enumerate(visits):
