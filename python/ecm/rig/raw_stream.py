@@ -35,7 +35,7 @@ from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
-from ecm.rig.readings import CampaignState, Reading, described
+from ecm.rig.readings import CampaignState, Reading, described, stamps
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
 
@@ -176,14 +176,12 @@ class RawStream:
         reads = visits.zero_readings
         warmth = np.stack([air.at(p, self.time_s) for p in (air.probe_degC, air.sensor_degC)], 1)
         warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
-        stamps = (1.0 + instrument.clock_skew) * self.time_s
-        stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
         warm = np.asarray([r.sensor_temperature_degC for r in readings])
         zero = np.stack([r.sensor for r in readings])[reads], visits.time_s[reads], warm[reads]
         wrench = compensated(campaign.plant, zero, self.time_s, sensor, seen, warmth[:, 1])
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
-            "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
+            "time_s": stamps(instrument, self.time_s, other[:, 2]),
         }
         columns |= dict(zip(POSE_COLUMNS, seen.T.copy(), strict=True))
         columns |= dict(zip(WRENCH, wrench.T.copy(), strict=True))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ecm.rig.calibration import Calibration
     from ecm.rig.plan import Skipped, Visit, Visits
     from ecm.rig.plant import Plant
-    from ecm.rig.settings import RigSettings
+    from ecm.rig.settings import Instruments, RigSettings
     from ecm.rig.timeline import Climate, Timeline
 
 _MARK = "# campaign "
@@ -272,10 +272,11 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     wrenches = wrench_in_base(campaign.plant, campaign.visits, sensor, poses, warm)
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
-    taken = [visits[i] for i in rows]
-    columns = visit_columns(taken, _stamps(campaign, taken))
-    optics = Optics(campaign.settings.instrument)
-    columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
+    taken, instrument = [visits[i] for i in rows], campaign.settings.instrument
+    noise = [stream(campaign.seed, "stamp", *v.serial).standard_normal() for v in taken]
+    time_s = campaign.visits.time_s[rows]
+    columns = visit_columns(taken, stamps(instrument, time_s, np.asarray(noise)))
+    columns["leds_visible"] = Optics(instrument).visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
     inputs = campaign.visits.inputs[rows]
@@ -308,13 +309,10 @@ def spread_columns(readings: Sequence[Reading]) -> dict[str, NDArray[Any]]:
     return dict(zip(SPREAD, spreads.T.copy(), strict=True))
 
 
-def _stamps(campaign: CampaignState, visits: list[Visit]) -> F:
-    """Time stamps by the recorder's clock; they grow, as a recorder's do."""
-    instrument, seed = campaign.settings.instrument, campaign.seed
-    time = np.asarray([visit.time_s for visit in visits])
-    noise = [stream(seed, "stamp", *visit.serial).standard_normal() for visit in visits]
-    scatter = instrument.time_stamp_sd_s * np.asarray(noise)
-    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
+def stamps(instrument: Instruments, time_s: F, noise: F) -> F:
+    """Time stamps (N,) by the recorder's clock; they grow, as a recorder's do."""
+    scatter = instrument.time_stamp_sd_s * noise
+    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time_s + scatter)
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
