@@ -262,7 +262,6 @@ class Layout:
             dwell_s=request.dwell_s,
             approach=source,
             travel_s=travel,
-            free=request.free,
         )
         self._last_id = str(request.pose_id)
         self._poses_since_offset += 1
@@ -307,7 +306,6 @@ class Layout:
         approach: str = HOME,
         travel_s: float = 0.0,
         dead_weight_kg: float = 0.0,
-        free: F | None = None,
     ) -> None:
         pose_id = -1 if request is None else request.pose_id
         repeat = self._seen.get((kind, pose_id), 0)
@@ -330,7 +328,7 @@ class Layout:
                 mount_rad=self._mount,
                 payload_on=self._payload,
                 dead_weight_kg=dead_weight_kg,
-                free=free,
+                free=None if request is None else request.free,
                 set_s=self._set_s,
             )
         )
