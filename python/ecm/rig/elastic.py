@@ -10,7 +10,7 @@ the surrogate gives the curvature of a sub-millimetre step only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -67,9 +67,7 @@ class FemSource:
 
 
 def _slopes(results: FemResults) -> F:
-    """(N, 6, 6) K, or (N, 6, 6 + m) with G beside it."""
-    if not results.actuation_jacobians[0].shape[-1]:
-        return results.stiffness
+    """(N, 6, 6 + m) K, and G of m actuators beside it."""
     return np.concatenate([results.stiffness, results.actuation_jacobians[0]], axis=2)
 
 
@@ -358,5 +356,4 @@ def unique_poses(poses: F) -> tuple[F, I]:
     """Distinct rows in the order of first visit, and the index of each row in them."""
     seen: dict[bytes, int] = {}
     index = np.asarray([seen.setdefault(row.tobytes(), len(seen)) for row in poses], dtype=np.int64)
-    first: Sequence[int] = np.unique(index, return_index=True)[1].tolist()
-    return poses[first], index
+    return poses[np.unique(index, return_index=True)[1]], index
