@@ -240,9 +240,6 @@ def thousandths(value: float) -> str:
     return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
 
 
-PHASES = tuple(COLOURS)
-
-
 def pose_errors(poses: F, goals: F) -> tuple[F, F]:
     """Distance in m and angle in rad between (N, 6) poses: (N,) each."""
     off = seen_from(goals, poses)
@@ -283,7 +280,7 @@ def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any
             "largest_rad": float(angle.max()),
             "fraction": dict(zip(POSE_COLUMNS, shares.tolist(), strict=True)),
         }
-    spans: dict[str, list[float]] = {name: [] for name in PHASES}
+    spans: dict[str, list[float]] = {name: [] for name in COLOURS}
     for stop in reached:
         for name, begin, end in stop.phases:
             spans[name].append(end - begin)
