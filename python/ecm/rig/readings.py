@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +23,12 @@ from ecm.io.columns import POSE, SPREAD, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
+from ecm.rig.calibration import Calibration
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, sd_of
-from ecm.rig.plan import OFFSET
-from ecm.rig.plant import wrench_in_base
-from ecm.rig.timeline import stream
-
-if TYPE_CHECKING:
-    from ecm.rig.calibration import Calibration
-    from ecm.rig.plan import Skipped, Visit, Visits
-    from ecm.rig.plant import Plant
-    from ecm.rig.settings import Instruments, RigSettings
-    from ecm.rig.timeline import Climate, Timeline
+from ecm.rig.plan import OFFSET, Skipped, Visit, Visits
+from ecm.rig.plant import Plant, wrench_in_base
+from ecm.rig.settings import Instruments, RigSettings
+from ecm.rig.timeline import Climate, Timeline, stream
 
 _MARK = "# campaign "
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import cache_directory
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
 from ecm.io.extras import own_cores
+from ecm.io.table import Table
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,
     compile_model,
@@ -50,9 +51,6 @@ from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
 from ecm.rig.timeline import Climate, Timeline
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 _WAY_POINTS = 12
 _EXTRA_S = 3600.0
