@@ -263,7 +263,7 @@ class ContactStop(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three places of a stop all around, and two of a stop on each of eight sides."""
-        tilt, lean = _tilt(np.ascontiguousarray(table.measured().poses[:, 3:]))
+        tilt, lean = _tilt(table.measured().poses[:, 3:])
         around = [ContactStop(round(float(np.quantile(tilt, s)), 4)) for s in _SHARES]
         sides = []
         for i in range(_AZIMUTHS):

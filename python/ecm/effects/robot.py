@@ -247,7 +247,7 @@ class _JointEffect(Effect):
         tool = np.array([*self.shape.values()], dtype=np.float64)
         if not len(tool):
             tool = _required_tool(flange_from_top(rows.table), rows.table)
-        return top_jacobian(np.ascontiguousarray(rows.table.matrix(JOINTS)), tool)
+        return top_jacobian(rows.table.matrix(JOINTS), tool)
 
 
 def _required_tool(tool: F | Missing, table: Table) -> F:
