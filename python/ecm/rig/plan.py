@@ -122,10 +122,10 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     if count == 0:
         raise InputError(f"{where}: the plan has no rows; expected poses to measure")
     kinds, words = plan.text("kind"), plan.text("action")
-    approaches = [_approach(text.strip()) for text in plan.text("approach")]
+    approaches = [_approach(str(text).strip()) for text in plan.text("approach")]
     dwell = plan.column("dwell_s") if plan.has("dwell_s") else np.full(count, np.nan)
     runs = plan.column("run") if plan.has("run") else np.zeros(count)
-    actions = [_action(words[i], kinds[i], f"{where} row {i + 1}") for i in range(count)]
+    actions = [_action(str(words[i]), kinds[i], f"{where} row {i + 1}") for i in range(count)]
     moves = np.asarray([a.name == "measure" for a in actions])
     driven = plan.actuation_columns
     rows = plan.matrix((*POSE_COLUMNS, *driven))
