@@ -25,7 +25,7 @@ _ANGLES = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
 _SIDE, _UP = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
 _RING = np.stack([_SIDE * np.cos(_ANGLES), _SIDE * np.sin(_ANGLES), _UP], axis=1)
 _DIRECTIONS = np.concatenate([[[0.0, 0.0, 1.0]], _RING])
-"""Of the LEDs, in axes of the target."""
+"""Directions of the LEDs in axes of the target."""
 
 
 class Optics:
