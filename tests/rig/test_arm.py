@@ -316,18 +316,16 @@ def test_the_loop_evaluates_the_exported_model() -> None:
         poses, 0.97 * wrench(poses), length_m=L, degree=4, symmetry="alike"
     )
     for pose in some_poses(20, seed=10):
-        model.pose[:] = pose
-        model.evaluate()
+        model.evaluate(pose)
         near = fitted.predict(pose[None])[0]
         assert model.wrench == pytest.approx(near, rel=0.05, abs=0.5)
         step = np.zeros(6)
         step[1] = 1e-6
-        model.pose[:] = pose + step
-        up = (model.evaluate(), model.wrench.copy())[1]
-        model.pose[:] = pose - step
-        slope = (up - (model.evaluate(), model.wrench)[1]) / 2e-6
-        model.pose[:] = pose
-        model.evaluate()
+        model.evaluate(pose + step)
+        up = model.wrench.copy()
+        model.evaluate(pose - step)
+        slope = (up - model.wrench) / 2e-6
+        model.evaluate(pose)
         assert model.stiffness[:, 1] == pytest.approx(slope, rel=1e-5, abs=1e-4)
 
 

@@ -303,8 +303,7 @@ def test_every_mode_of_arm_controller_and_mechanism_has_the_ratio(ratio: float) 
     # The velocity's share of the virtual spring's wrench, column by column.
     damping = impedance.damping
     model = ControllerModel(library())
-    model.pose[:] = simulation.pose
-    model.evaluate()
+    model.evaluate(simulation.pose)
     elastic = 0.5 * (model.stiffness + model.stiffness.T) + np.diag(impedance.stiffness)
     squares, modes = scipy.linalg.eigh(elastic, inertia)
     found = modes.T @ damping @ modes

@@ -33,7 +33,7 @@ from ecm.errors import InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, POSE_OFFSETS, WRENCH, amount_columns
-from ecm.io.se3 import rotation, rotation_vector, transpose
+from ecm.io.se3 import displacement
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.actuated_energy import free_pose
@@ -91,8 +91,7 @@ def offsets_from_free(plan: Table, base: ActuatedMap) -> Table:
     """
     rows = inputs_of(base, plan)
     free = np.stack([free_pose(base, row[6:])[0] for row in rows])
-    turn = rotation(rows[:, 3:6]) @ transpose(rotation(free[:, 3:]))
-    offsets = np.hstack([rows[:, :3] - free[:, :3], rotation_vector(turn)])
+    offsets = displacement(free, rows[:, :6])
     if plan.has("action"):
         offsets[plan.text("action") != "measure"] = 0.0
     return plan.with_columns(dict(zip(POSE_OFFSETS, offsets.T, strict=True)))

@@ -18,6 +18,7 @@ import numpy as np
 
 from ecm.effects.pairs import (
     columns_of_pairs,
+    listed_pairs,
     needs_motion,
     on_output,
     pairs,
@@ -161,11 +162,8 @@ class DeadZone(LinearEffect):
         """Other widths, and places on both sides."""
         step = 0.5**round_
         moved = (self.at - 0.5 * step * self.width, self.at + 0.5 * step * self.width)
-        widths = (self.width / 1.5**step, self.width * 1.5**step)
-        return (
-            *(DeadZone(self.of, at, self.width) for at in moved),
-            *(DeadZone(self.of, self.at, width) for width in widths),
-        )
+        places = (DeadZone(self.of, at, self.width) for at in moved)
+        return (*places, *self.nearby("width", 1.5**step))
 
     def columns(self, rows: Rows) -> F:
         """-clip(p - c, -w, w) of each pair."""
@@ -201,7 +199,7 @@ class HigherDegree(LinearEffect):
     def __post_init__(self) -> None:
         stated = map(str.split, filter(None, self.middle.split(",")))
         scales = {name: (float(middle), float(half)) for name, middle, half in stated}
-        pairs_of = [split(pair) for pair in filter(None, self.of.split(","))]
+        pairs_of = listed_pairs(self.of)
         self._terms = [(name, other, *scales[name]) for name, other, _ in pairs_of]
         self._powers = range(4, int(self.degree) + 1)
         self.parameters = tuple(

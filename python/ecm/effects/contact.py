@@ -11,7 +11,6 @@ from ecm.effects.protocol import (
     Effect,
     LinearEffect,
     LookAlike,
-    Missing,
     Parameter,
     Shape,
     TimedEffect,
@@ -264,7 +263,7 @@ class ContactStop(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three places of a stop all around, and two of a stop on each of eight sides."""
-        tilt, lean = _tilt(np.ascontiguousarray(table.measured().poses[:, 3:]))
+        tilt, lean = _tilt(table.measured().poses[:, 3:])
         around = [ContactStop(round(float(np.quantile(tilt, s)), 4)) for s in _SHARES]
         sides = []
         for i in range(_AZIMUTHS):
@@ -343,6 +342,7 @@ class Debonding(LinearEffect):
     def __post_init__(self) -> None:
         if self.opens == "torn":
             self.kind = "time"
+            self.requires = (needs_full, needs_time)
         elif self.opens == "hinge":
             self.parameters = (
                 Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),
@@ -375,11 +375,6 @@ class Debonding(LinearEffect):
         if self.opens != "torn":
             return ()
         return tuple(Debonding("torn", t) for t in times_beside(table, self.at_s, _TEARS, round_))
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs all columns; a tear also time, without which only the other forms are tried."""
-        torn = self.opens == "torn"
-        return needs_full(table) or (needs_time(table) if torn else None)
 
     def columns(self, rows: Rows) -> F:
         """-h after the tear, or the slope of -EA L max(0, e)^2 / 2."""

@@ -281,22 +281,18 @@ class SealFriction(LinearEffect):
             for form in plain
         )
 
-    def plain_form(self) -> Effect:
+    def plain_form(self) -> Hysteresis:
         """Friction that is alike at every input."""
-        return self._springs
+        return Hysteresis(of=self.of, slip=self.slip)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
-        others = self._springs.refined(table, round_)
+        others = self.plain_form().refined(table, round_)
         return tuple(replace(self, slip=str(other.shape["slip"])) for other in others)
-
-    @property
-    def _springs(self) -> Hysteresis:
-        return Hysteresis(of=self.of, slip=self.slip)
 
     def columns(self, rows: Rows) -> F:
         """(N, m, 2 k) the springs' forces, and these times the input."""
-        springs = self._springs.columns(rows)
+        springs = self.plain_form().columns(rows)
         a = rows.table.column(self.by)[:, None, None]
         return np.concatenate([springs, a * springs], axis=2)
 

@@ -18,7 +18,7 @@ from ecm.effects.protocol import (
     needs_full,
     optional,
 )
-from ecm.effects.rod import rest_stiffness
+from ecm.effects.rod import POSE_STEP, rest_stiffness
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
@@ -135,9 +135,7 @@ class OwnWeight(LinearEffect):
         """(N, 6) wrench per kg under one gravity (3,)."""
         columns = _weight_of_rod(rows.poses, rows.length_m, gravity)
         if self.zeroed == "attached":
-            rest = _weight_of_rod(
-                np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity
-            )[0]
+            rest = _weight_of_rod(rows.rest_pose[None], rows.length_m, gravity)[0]
             columns[:, :3] -= rows.rotation @ rest[:3]
             columns[:, 3:] -= rows.rotation @ rest[3:]
         return columns
@@ -145,9 +143,7 @@ class OwnWeight(LinearEffect):
 
 def _weight_of_rod(poses: F, length_m: float, gravity: F) -> F:
     """(N, 6) wrench per kg that carries the rod: the gradient of its potential."""
-    slopes = central_differences(
-        lambda at: _potential(at, length_m, gravity), poses, [1e-6] * 3 + [1e-5] * 3
-    )
+    slopes = central_differences(lambda at: _potential(at, length_m, gravity), poses, POSE_STEP)
     slope = np.stack(slopes, axis=1)
     jacobian = left_jacobians(poses[:, 3:])
     torque = np.linalg.solve(np.swapaxes(jacobian, 1, 2), slope[:, 3:, None])[:, :, 0]
@@ -156,7 +152,6 @@ def _weight_of_rod(poses: F, length_m: float, gravity: F) -> F:
 
 def _potential(poses: F, length_m: float, gravity: F) -> F:
     """(N,) potential in J of 1 kg spread along the rod."""
-    poses = np.ascontiguousarray(poses)
     q = mid_frame(poses, length_m)
     half = rotation_matrices(0.5 * poses[:, 3:])
     b = q[:, 1] * q[:, 5] - q[:, 2] * q[:, 4]

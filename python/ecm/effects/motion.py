@@ -188,8 +188,7 @@ class TimeSkew(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """K p'."""
-        moving = velocity(rows.table)
-        return np.asarray(rows.stiffness @ moving[:, :, None])
+        return np.asarray(rows.stiffness @ velocity(rows.table)[:, :, None])
 
 
 def _translation_and_rotation(values: F, rows: Rows) -> F:

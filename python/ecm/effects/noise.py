@@ -47,8 +47,9 @@ class NoiseEffect(Effect):
         return np.zeros((len(rows), len(rows.base.outputs), len(self.parameters)))
 
     def variance(self, rows: Rows, values: F) -> F:
-        """(N, m, m) what it adds to the covariance of each row."""
-        raise NotImplementedError(f"effect {self.id} has no variance")
+        """(N, m, m) what it adds to the covariance of each row; here nothing."""
+        m = len(rows.base.outputs)
+        return np.zeros((len(rows), m, m))
 
 
 class Outliers(NoiseEffect):
@@ -59,11 +60,6 @@ class Outliers(NoiseEffect):
     outside = LookAlike("any rare wrong reading", "measure those poses again")
     signature = "few rows, no covariate"
     rivals = {"led_occlusion": "repeat_those_poses"}
-
-    def variance(self, rows: Rows, values: F) -> F:
-        """Zero: outliers are no variance of all rows."""
-        m = len(rows.base.outputs)
-        return np.zeros((len(rows), m, m))
 
 
 class HeteroscedasticNoise(NoiseEffect):

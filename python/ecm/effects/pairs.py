@@ -99,8 +99,7 @@ def turns(of: str, stiffness: F, inputs: Sequence[str], outputs: Sequence[str]) 
     array([-1.])
     """
     found = np.ones(len(outputs))
-    for pair in filter(None, of.split(",")):
-        name, other, _ = split(pair)
+    for name, other, _ in listed_pairs(of):
         if name in inputs and other in outputs:
             j = outputs.index(other)
             found[j] = -1.0 if stiffness[j, inputs.index(name)] < 0.0 else 1.0
@@ -168,11 +167,15 @@ def split(pair: str) -> tuple[str, str, float]:
     return name, other.lstrip("-"), -1.0 if other.startswith("-") else 1.0
 
 
+def listed_pairs(of: str) -> list[tuple[str, str, float]]:
+    """Pose column, wrench column and sign of each of the pairs with commas between them."""
+    return [split(pair) for pair in filter(None, of.split(","))]
+
+
 def per_pair(of: str, what: str, per: str = "", *, lower: float = -np.inf) -> tuple[Parameter, ...]:
     """One parameter per pair: `friction_tau_z` in N m; `per` is what its unit is divided by."""
     made = []
-    for pair in filter(None, of.split(",")):
-        name, other, _ = split(pair)
+    for name, other, _ in listed_pairs(of):
         own = _is_own(name, other)
         label = f"{what}_{short(other)}" + ("" if own else f"_of_{short(name)}")
         unit = unit_of(other) + (f"/{per.format(unit_of(name))}" if per else "")
@@ -192,7 +195,7 @@ def columns_of_pairs(rows: Rows, of: str, signal: Callable[[str], F]) -> F:
     """(N, m, k) one column per pair: the signal of its pose column, zero on unloaded rows."""
     made = [
         on_output(rows, other, rows.loaded(sign * signal(name)))
-        for name, other, sign in map(split, of.split(","))
+        for name, other, sign in listed_pairs(of)
     ]
     return np.stack(made, axis=2)
 
@@ -231,4 +234,4 @@ def listed_numbers(values: dict[str, float], factor: float = 1.0) -> str:
 
 def names_of(of: str) -> Sequence[str]:
     """The pose columns of pairs, each once."""
-    return tuple(dict.fromkeys(split(pair)[0] for pair in filter(None, of.split(","))))
+    return tuple(dict.fromkeys(name for name, _, _ in listed_pairs(of)))

@@ -85,7 +85,8 @@ def play(loads: F, width: float | F) -> F:
     for place, (low, high) in enumerate(zip(least[-1], largest[-1], strict=True)):
         begin[place] = state
         state = np.minimum(np.maximum(state, low), high)
-    return _joined(np.minimum(np.maximum(begin, least), largest), len(loads))
+    states = np.minimum(np.maximum(begin, least), largest)
+    return np.asarray(states.swapaxes(0, 1).reshape(-1, loads.shape[1])[: len(loads)])
 
 
 def _stretches(values: F) -> F:
@@ -99,11 +100,6 @@ def _stretches(values: F) -> F:
     filled = np.zeros((count * length, m))
     filled[:n] = values
     return np.ascontiguousarray(filled.reshape(count, length, m).swapaxes(0, 1))
-
-
-def _joined(stretches: F, n: int) -> F:
-    """(n, m) rows of stretches (length, count, m)."""
-    return np.asarray(stretches.swapaxes(0, 1).reshape(-1, stretches.shape[2])[:n])
 
 
 _TAUS = 12

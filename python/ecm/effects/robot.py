@@ -27,6 +27,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     LookAlike,
     Missing,
+    Need,
     Parameter,
     Shape,
     beside,
@@ -205,15 +206,23 @@ _MOST_OF_A_WIDTH = 2.0
 """A play beyond so many times the width that shapes it is none: other widths are tried."""
 
 
+def _needs_tool(table: Table) -> Missing | None:
+    """Missing where poses do not follow from the joints, or do not determine the tool."""
+    if table.has("leds_visible"):
+        return Missing("the pose is the camera's, not the joints'", "poses from the encoders")
+    tool = flange_from_top(table)
+    return tool if isinstance(tool, Missing) else None
+
+
 class _JointEffect(Effect):
     """Base of the effects of joints, whose small motions move the platform: -K_s B J.
 
     J is the Jacobian of the top frame, whose pose on the flange follows from the rows.
     """
 
+    requires: tuple[Need, ...] = (needs_full, needs_columns(*JOINTS), _needs_tool)
     side = "measurement"
     kind = "time"
-    _needed = JOINTS
 
     def __init__(self, **top_on_flange: float) -> None:
         if top_on_flange and set(top_on_flange) != set(POSE):
@@ -228,16 +237,6 @@ class _JointEffect(Effect):
         """Pose of the top frame on the flange; empty until it is determined from a table."""
         return {name: self._top_on_flange[name] for name in POSE if self._top_on_flange}
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs joint positions, poses that follow from them, and rows that determine the tool."""
-        lacking = needs_full(table) or needs_columns(*self._needed)(table)
-        if lacking is not None:
-            return lacking
-        if table.has("leds_visible"):
-            return Missing("the pose is the camera's, not the joints'", "poses from the encoders")
-        tool = flange_from_top(table)
-        return tool if isinstance(tool, Missing) else None
-
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """The effect with the tool that follows from the table."""
         tool = _required_tool(flange_from_top(table), table)
@@ -248,7 +247,7 @@ class _JointEffect(Effect):
         tool = np.array([*self.shape.values()], dtype=np.float64)
         if not len(tool):
             tool = _required_tool(flange_from_top(rows.table), rows.table)
-        return top_jacobian(np.ascontiguousarray(rows.table.matrix(JOINTS)), tool)
+        return top_jacobian(rows.table.matrix(JOINTS), tool)
 
 
 def _required_tool(tool: F | Missing, table: Table) -> F:
@@ -336,7 +335,7 @@ class Backlash(_JointEffect, LinearEffect):
         "joint positions and the sign of their last motion (q1_rad, ..., q1_dir, ...), and "
         "poses from the encoders"
     )
-    _needed = (*JOINTS, *JOINT_SIGNS)
+    requires: tuple[Need, ...] = (needs_full, needs_columns(*JOINTS, *JOINT_SIGNS), _needs_tool)
     rivals = {"hysteresis": "joint_reversal", "fts_hysteresis": "joint_reversal"}
 
     def __init__(self, play: str | None = None, **top_on_flange: float) -> None:
@@ -347,6 +346,7 @@ class Backlash(_JointEffect, LinearEffect):
                 "Play between the measured pose and the mechanism: it stays behind by the play."
             )
             self.needs = "time (time_s), and motion both ways"
+            self.requires = (needs_both_ways,)
             self.parameters = tuple(
                 Parameter(f"play_{short(n)}", unit_of(n), w, 0.0, _MOST_OF_A_WIDTH * w)
                 for n, w in numbers(self._play or "").items()
@@ -356,10 +356,6 @@ class Backlash(_JointEffect, LinearEffect):
     def shape(self) -> Shape:
         """Half width of each pose column's play, or the tool on the flange."""
         return super().shape if self._play is None else {"play": self._play}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs joints and their signs; along single pose columns motion both ways."""
-        return super().missing(table) if self._play is None else needs_both_ways(table)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """With the tool that follows from the table; along pose columns three half widths."""

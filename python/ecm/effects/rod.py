@@ -40,7 +40,7 @@ def stretched(rows: Rows, matrix: F, shift: F) -> F:
 
 def generalised(poses: F, wrenches: F) -> F:
     """Q_c = A' f, Q_theta = J(theta)' tau + J(theta/2)' (r x f) / 2."""
-    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half_angle = 0.5 * poses[:, 3:]
     half = rotation_matrices(half_angle)
     lever = np.cross(poses[:, :3], wrenches[:, :3])
     whole_jacobian = left_jacobians(poses[:, 3:])
@@ -53,7 +53,7 @@ def generalised(poses: F, wrenches: F) -> F:
 
 def wrench_of(poses: F, generalised: F) -> F:
     """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta)."""
-    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half_angle = 0.5 * poses[:, 3:]
     half = rotation_matrices(half_angle)
     force = np.einsum("nij,nj->ni", half, generalised[:, :3])
     half_jacobian = left_jacobians(half_angle)
@@ -224,7 +224,8 @@ def thicker_beam(rows: Rows) -> F:
     return 4.0 * rows.wrench - 2.0 * rows.loaded(wrench_of(rows.poses, force))
 
 
-_STEP = (1e-6,) * 3 + (1e-5,) * 3
+POSE_STEP = (1e-6,) * 3 + (1e-5,) * 3
+"""Steps of finite differences of a pose, m and rad."""
 
 
 def section_moment_slopes(rows: Rows, along: F) -> F:
@@ -242,7 +243,7 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
         wrench = rows.wrench + rows.stiffness @ change
         return _moments(rows.poses + change, wrench, length, share, along)
 
-    slopes = np.stack(central_differences(moments, np.zeros(6), _STEP), axis=3)
+    slopes = np.stack(central_differences(moments, np.zeros(6), POSE_STEP), axis=3)
     # From rotation vectors to rotation increments, with which torques work.
     inverse = inverse_left_jacobians(rows.rotation_vectors)
     slopes[..., 3:] = np.einsum("npki,nij->npkj", slopes[..., 3:], inverse)
@@ -251,7 +252,6 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
 
 def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: F) -> F:
     """(N, P, 3) R_s' (tau + (r - r_s) x f)."""
-    poses = np.ascontiguousarray(poses)
     q = mid_frame(poses, length_m)
     half = rotation_matrices(0.5 * poses[:, 3:])
     force = np.einsum("nji,nj->ni", half, wrench[:, :3])

@@ -145,6 +145,12 @@ def displaced(poses: F, errors: F) -> F:
     return np.concatenate([poses[:, :3] + errors[:, :3], rotation_vector(turned)], axis=1)
 
 
+def displacement(poses: F, others: F) -> F:
+    """(N, 6) shift and turn in base axes from poses to others: the inverse of `displaced`."""
+    turned = rotation(others[:, 3:]) @ transpose(rotation(poses[:, 3:]))
+    return np.concatenate([others[:, :3] - poses[:, :3], rotation_vector(turned)], axis=1)
+
+
 def rotations_of_axyb(a: F, b: F) -> tuple[tuple[F, F], F]:
     """Rotations (3, 3) of X and Y in A X = Y B for poses A and B (N, 6); singular values (9,).
 
@@ -172,8 +178,7 @@ def frames_of_axyb(a: F, b: F, turns: tuple[F, F]) -> tuple[F, F]:
 def residual_of_axyb(a: F, b: F, x: F, y: F) -> tuple[F, F]:
     """(N, 6) residual of A X = Y B, and (N, 6, 12) what `stepped` X and Y take from it."""
     left, right = compose(a, x), compose(y, b)
-    turned = rotation(right[:, 3:]) @ transpose(rotation(left[:, 3:]))
-    residual = np.concatenate([right[:, :3] - left[:, :3], rotation_vector(turned)], axis=1)
+    residual = displacement(left, right)
     design = np.zeros((len(a), 6, 12))
     design[:, :3, :3] = design[:, 3:, 3:6] = rotation(a[:, 3:])
     design[:, :3, 6:9] = design[:, 3:, 9:] = -np.eye(3)

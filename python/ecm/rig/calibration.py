@@ -109,7 +109,7 @@ class Calibration:
 
     def measured(self, poses: F) -> F:
         """Poses (N, 6) in the calibrated frames."""
-        return compose(np.tile(self.base, (len(poses), 1)), compose(poses, self.tip))
+        return compose(self.base, compose(poses, self.tip))
 
 
 def calibrated(instruments: Instruments, seed: int) -> Calibration:

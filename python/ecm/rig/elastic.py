@@ -10,7 +10,7 @@ the surrogate gives the curvature of a sub-millimetre step only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -67,9 +67,7 @@ class FemSource:
 
 
 def _slopes(results: FemResults) -> F:
-    """(N, 6, 6) K, or (N, 6, 6 + m) with G beside it."""
-    if not results.actuation_jacobians[0].shape[-1]:
-        return results.stiffness
+    """(N, 6, 6 + m) K, and G of m actuators beside it."""
     return np.concatenate([results.stiffness, results.actuation_jacobians[0]], axis=2)
 
 
@@ -103,8 +101,7 @@ def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
     y, z = corners.mean(axis=1)[:, 1:].T
     squared = y**2 + z**2
     radius_squared = float(np.max(np.sum(mesh.nodes_m[:, 1:] ** 2, axis=1)))
-    factor: F = 1.0 + CONTRAST * squared / radius_squared * wave(2.0 * np.arctan2(z, y))
-    return factor
+    return np.asarray(1.0 + CONTRAST * squared / radius_squared * wave(2.0 * np.arctan2(z, y)))
 
 
 def fitted_energy(
@@ -227,6 +224,11 @@ class SolvedPoses:
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
 
 
+def wrench_change(stiffness: F, steps: F) -> F:
+    """Changes of the wrench (N, 6) by stiffness (N, 6, m) and steps (N, m)."""
+    return np.asarray(np.einsum("nij,nj->ni", stiffness, steps))
+
+
 class Elastic:
     """h(p) and K(p) near the solved poses, which may have the actuators' inputs after them."""
 
@@ -246,11 +248,9 @@ class Elastic:
     def wrench(self, nearest: I, poses: F) -> F:
         """h at (N, 6) or (N, 6 + m), each near the solved pose of that index (N,)."""
         step = poses - self.solved.poses[nearest]
-        h: F = self.solved.wrenches[nearest] + np.einsum(
-            "nij,nj->ni", self.solved.stiffness[nearest], step
-        )
+        h = self.solved.wrenches[nearest] + wrench_change(self.solved.stiffness[nearest], step)
         if self.smooth is not None:
-            line = self._s[nearest] + np.einsum("nij,nj->ni", self._slope[nearest], step)
+            line = self._s[nearest] + wrench_change(self._slope[nearest], step)
             h = h + self.smooth.predict(poses) - line
         return h
 
@@ -293,8 +293,7 @@ class Grading:
 
     def wrench(self, nearest: I, step: F) -> F:
         """At `step` (N, 6) away from the solved poses."""
-        change: F = self.wrenches[nearest] + np.einsum("nij,nj->ni", self.stiffness[nearest], step)
-        return change
+        return self.wrenches[nearest] + wrench_change(self.stiffness[nearest], step)
 
 
 def solve_cached(
@@ -357,5 +356,4 @@ def unique_poses(poses: F) -> tuple[F, I]:
     """Distinct rows in the order of first visit, and the index of each row in them."""
     seen: dict[bytes, int] = {}
     index = np.asarray([seen.setdefault(row.tobytes(), len(seen)) for row in poses], dtype=np.int64)
-    first: Sequence[int] = np.unique(index, return_index=True)[1].tolist()
-    return poses[first], index
+    return poses[np.unique(index, return_index=True)[1]], index

@@ -11,8 +11,6 @@ taken off again.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ecm.io.arrays import B, F
@@ -23,14 +21,11 @@ from ecm.rig.settings import Instruments
 LENSES_NEEDED = 2
 DOME_RAD = 0.5
 """Eight of the LEDs look away from the target's normal by this angle, one along it."""
-
-
-@lru_cache(maxsize=1)
-def _directions() -> F:
-    angle = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
-    side, up = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
-    ring = np.stack([side * np.cos(angle), side * np.sin(angle), up], axis=1)
-    return np.concatenate([[[0.0, 0.0, 1.0]], ring])
+_ANGLES = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
+_SIDE, _UP = np.sin(DOME_RAD), np.full(LEDS - 1, np.cos(DOME_RAD))
+_RING = np.stack([_SIDE * np.cos(_ANGLES), _SIDE * np.sin(_ANGLES), _UP], axis=1)
+_DIRECTIONS = np.concatenate([[[0.0, 0.0, 1.0]], _RING])
+"""Directions of the LEDs in axes of the target."""
 
 
 class Optics:
@@ -50,8 +45,7 @@ class Optics:
     @property
     def directions(self) -> F:
         """Unit directions (9, 3) of the LEDs in axes that are the base's at rest."""
-        directions: F = _directions() @ self._target.T
-        return directions
+        return np.asarray(_DIRECTIONS @ self._target.T)
 
     @property
     def places_m(self) -> F:
@@ -106,6 +100,8 @@ class Camera:
     def __init__(self, settings: Instruments) -> None:
         self._settings = settings
         self._optics = Optics(settings)
+        self._error = np.repeat([settings.camera_error_m, settings.camera_error_rad], 3)
+        self._jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
 
     def images(self, window_s: float) -> int:
         """Number of images in a window."""
@@ -119,18 +115,14 @@ class Camera:
         """
         settings = self._settings
         if settings.led_errors == "common":
-            common = random.standard_normal(6) * np.repeat(
-                [settings.camera_error_m, settings.camera_error_rad], 3
-            )
+            common = self._error * random.standard_normal(6)
         else:
             each = settings.camera_error_m * random.standard_normal((LEDS, 3))
             common = self._optics.rigid(true, each)
         if random.random() < settings.outlier_share:
             common = common * settings.outlier_scale
         count = self.images(window_s)
-        jitter = random.standard_normal((count, 6)) * np.repeat(
-            [settings.camera_jitter_m, settings.camera_jitter_rad], 3
-        )
+        jitter = self._jitter * random.standard_normal((count, 6))
         mean = displaced(true[None, :], (common + jitter.mean(axis=0))[None, :])[0]
         spread = (
             rotate_errors(true, jitter - jitter.mean(axis=0)).std(axis=0, ddof=1)
@@ -148,8 +140,7 @@ class Camera:
         if settings.base_target:
             # The base target shows the motion but for the jitter of its images.
             images = np.sqrt(settings.base_target_images)
-            jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
-            moved = jitter / images * random.standard_normal(6)
+            moved = self._jitter / images * random.standard_normal(6)
         # The camera's own motion by x shows as the target's by -x, turned about the camera.
         back = -moved
         place = true[:3] + back[:3] + np.cross(back[3:], true[:3])
@@ -200,14 +191,12 @@ class ForceTorqueSensor:
         samples = true + noise * random.standard_normal((count, 6))
         step = np.where(self._step > 0.0, self._step, 1.0)
         counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
-        clipped: F = np.clip(counted, -self._range, self._range)
-        return clipped
+        return np.asarray(np.clip(counted, -self._range, self._range))
 
     def row_covariance(self, window_s: float, adjoint: F) -> F:
         """(6, 6) of a window's mean wrench in top axes: noise and counts over samples."""
         variance = (self._noise**2 + self._step**2 / 12.0) / self.samples(window_s)
-        covariance: F = adjoint @ np.diag(variance) @ adjoint.T
-        return covariance
+        return np.asarray(adjoint @ np.diag(variance) @ adjoint.T)
 
 
 def zero_at(

@@ -121,26 +121,24 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     where = plan.source or "plan"
     if count == 0:
         raise InputError(f"{where}: the plan has no rows; expected poses to measure")
-    kinds, words = _texts(plan, "kind"), _texts(plan, "action")
-    # A table program may have written the integer 12 as 12.0.
-    texts = [text.strip() for text in _texts(plan, "approach")]
-    approaches = [str(n) if (n := _as_int(text)) is not None else text for text in texts]
+    kinds, words = plan.text("kind"), plan.text("action")
+    approaches = [_approach(str(text).strip()) for text in plan.text("approach")]
     dwell = plan.column("dwell_s") if plan.has("dwell_s") else np.full(count, np.nan)
     runs = plan.column("run") if plan.has("run") else np.zeros(count)
-    actions = [_action(words[i], kinds[i], f"{where} row {i + 1}") for i in range(count)]
+    actions = [_action(str(words[i]), kinds[i], f"{where} row {i + 1}") for i in range(count)]
     moves = np.asarray([a.name == "measure" for a in actions])
     driven = plan.actuation_columns
     rows = plan.matrix((*POSE_COLUMNS, *driven))
     poses = np.where(moves[:, None], rows, rest_pose(length_m, len(driven)))
     follows = bool(driven) and plan.has(*POSE_OFFSETS)
     offsets = plan.matrix(POSE_OFFSETS) if follows else np.zeros((count, 6))
-    ids = _pose_ids(plan, poses)
-    known = set(ids[moves].tolist())
+    ids = plan.column("pose_id").astype(np.int64) if plan.has("pose_id") else unique_poses(poses)[1]
+    known = {"", HOME, *map(str, ids[moves].tolist())}
     result = []
     for i in range(count):
         place = f"{where} row {i + 1}"
         approach = approaches[i]
-        if approach not in ("", HOME) and _as_int(approach) not in known:
+        if approach not in known:
             raise InputError(
                 f"{place}, column approach: `{approach}` is no pose_id of this plan; "
                 f"expected `{HOME}`, a pose_id, or nothing"
@@ -193,22 +191,13 @@ def followed(
     return [follow(request) for request in remaining], skipped, solved
 
 
-def _pose_ids(plan: Table, poses: F) -> I:
-    if plan.has("pose_id"):
-        return plan.column("pose_id").astype(np.int64)
-    return unique_poses(poses)[1]
-
-
-def _texts(plan: Table, name: str) -> list[str]:
-    return [str(cell) for cell in plan.text(name)] if plan.has(name) else [""] * len(plan)
-
-
-def _as_int(text: str) -> int | None:
+def _approach(text: str) -> str:
+    """The text, a pose_id as a whole number: a table program may have written 12 as 12.0."""
     try:
         number = float(text)
     except ValueError:
-        return None
-    return int(number) if math.isfinite(number) and number == int(number) else None
+        return text
+    return str(int(number)) if number.is_integer() else text
 
 
 def _action(word: str, kind: str, place: str) -> Action:
@@ -300,8 +289,7 @@ class Visits:
     @property
     def zero_readings(self) -> B:
         """Which visits read the sensor with nothing on it, (N,)."""
-        free: B = self.of_kind(OFFSET, UNLOADED) & (self.numbers("dead_weight_kg") == 0.0)
-        return free
+        return np.asarray(self.of_kind(OFFSET, UNLOADED) & (self.numbers("dead_weight_kg") == 0.0))
 
     def numbers(self, name: str) -> F:
         """One number of every visit, (N,)."""

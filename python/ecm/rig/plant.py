@@ -112,15 +112,14 @@ class Plant:
     def to_top(self, readings: F) -> F:
         """Wrenches (N, 6) at the top in top axes, of sensor readings (N, 6) without zero."""
         known = self.calibrated_top_from_sensor
-        wrenches: F = readings @ (self.top_from_sensor if known is None else known).T
-        return wrenches
+        return np.asarray(readings @ (self.top_from_sensor if known is None else known).T)
 
     def acting(self, visits: Visits) -> F:
         """What acts in the actuators (N, m), from what they were set to."""
         return self._conditions(visits).inputs
 
     def _conditions(self, visits: Visits) -> Conditions:
-        loaded = visits.of_kind(POSE, AT_HOME)
+        loaded, optics = visits.of_kind(POSE, AT_HOME), Optics(self.settings.instrument)
         at = Conditions(
             length_m=self.length_m,
             poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
@@ -146,7 +145,8 @@ class Plant:
             sensor_from_top=self._sensor_from_top,
             elastic=self.elastic,
             gradings=self.gradings,
-            camera=Optics(self.settings.instrument),
+            led_places_m=optics.places_m,
+            leds_visible=optics.visible,
             memory=visits.memory,
         )
         if not at.inputs.size:
@@ -164,8 +164,7 @@ class Plant:
         matrix = np.asarray(instrument.fts_crosstalk).reshape(6, 6) * (1.0 - np.eye(6))
         warm = visits.sensor_temperature_degC - self.settings.plant.room_temperature_degC
         drift = np.outer(warm, instrument.fts_thermal_per_K)
-        readings: F = sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift
-        return readings
+        return np.asarray(sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift)
 
     def _sensor_load(self, all_visits: Conditions, visits: Visits) -> F:
         """Wrench of the sensor on the platform in top axes at the loaded visits, (n, 6)."""
@@ -314,7 +313,5 @@ def row_covariance(plant: Plant, visits: Visits, window_s: float | None = None) 
     screw[:, :, 3:] = stiffness[:, :, 3:] @ left_jacobian_inverse(poses[:, 3:])
     position, angle = Camera(settings.instrument).row_sd(window)
     pose = np.repeat([position**2, angle**2], 3)
-    covariance: F = turn @ sensor @ np.swapaxes(turn, 1, 2) + (screw * pose) @ np.swapaxes(
-        screw, 1, 2
-    )
-    return covariance
+    read = turn @ sensor @ np.swapaxes(turn, 1, 2)
+    return np.asarray(read + (screw * pose) @ np.swapaxes(screw, 1, 2))

@@ -29,13 +29,13 @@ from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.columns import VELOCITY, WRENCH
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
-from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses
+from ecm.rig.elastic import REST_INDEX, Elastic, Grading, SolvedPoses, unique_poses, wrench_change
 from ecm.rig.instruments import ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.true_effect import Clock
 from ecm.rig.plan import POSE, Visit, Visits
 from ecm.rig.plant import Plant, compensated, row_covariance, visits_of
-from ecm.rig.readings import CampaignState, Reading, described
+from ecm.rig.readings import CampaignState, Reading, described, stamps
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import Climate, stream, travel_s
 
@@ -176,14 +176,12 @@ class RawStream:
         reads = visits.zero_readings
         warmth = np.stack([air.at(p, self.time_s) for p in (air.probe_degC, air.sensor_degC)], 1)
         warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
-        stamps = (1.0 + instrument.clock_skew) * self.time_s
-        stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
         warm = np.asarray([r.sensor_temperature_degC for r in readings])
         zero = np.stack([r.sensor for r in readings])[reads], visits.time_s[reads], warm[reads]
         wrench = compensated(campaign.plant, zero, self.time_s, sensor, seen, warmth[:, 1])
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
-            "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
+            "time_s": stamps(instrument, self.time_s, other[:, 2]),
         }
         columns |= dict(zip(POSE_COLUMNS, seen.T.copy(), strict=True))
         columns |= dict(zip(WRENCH, wrench.T.copy(), strict=True))
@@ -217,13 +215,13 @@ class RawStream:
         slope = np.einsum("nk,nkij->nij", weights, self._slope[self.leg])
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
         smooth, smooth_slope = self._map(poses)
-        wrenches = smooth + missed + _times(slope[:, :, :6], off)
+        wrenches = smooth + missed + wrench_change(slope[:, :, :6], off)
         stiffness = smooth_slope + slope
         rows = np.hstack([poses, goals[self.leg, 6:]])
         samples = SolvedPoses(rows, wrenches, stiffness, ("solved",) * len(rows))
         gradings: Mapping[str, Grading] = {
             name: Grading(
-                np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + _times(k, off)]),
+                np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + wrench_change(k, off)]),
                 np.concatenate([g.stiffness, k]),
             )
             for name, g in self._plant.gradings.items()
@@ -253,7 +251,7 @@ class RawStream:
         # Where the body is not stable under the inputs of the end, G leads there from the start.
         starts = np.asarray([leg.solved[0] for leg in self.legs])
         more = (nodes[:, 0] - known.poses[starts])[:, 6:]
-        begin = known.wrenches[starts] + _times(known.stiffness[starts][:, :, 6:], more)
+        begin = known.wrenches[starts] + wrench_change(known.stiffness[starts][:, :, 6:], more)
         parts = []
         for values, first, smooth in zip(
             (every.wrenches, every.stiffness),
@@ -335,12 +333,6 @@ def _lagrange(share: F) -> F:
     """Lagrange's polynomials of the nodes at (N,) shares: (N, 4)."""
     columns = [np.prod([(share - m) / (n - m) for m in NODES if m != n], axis=0) for n in NODES]
     return np.stack(columns, axis=1)
-
-
-def _times(stiffness: F, steps: F) -> F:
-    """Changes of the wrench (N, 6) by stiffness (N, 6, 6) and steps (N, 6)."""
-    change: F = np.einsum("nij,nj->ni", stiffness, steps)
-    return change
 
 
 def _between(values: F, ends: I, share: F) -> F:

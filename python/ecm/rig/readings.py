@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +23,12 @@ from ecm.io.columns import POSE, SPREAD, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
 from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table
+from ecm.rig.calibration import Calibration
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics, sd_of
-from ecm.rig.plan import OFFSET
-from ecm.rig.plant import wrench_in_base
-from ecm.rig.timeline import stream
-
-if TYPE_CHECKING:
-    from ecm.rig.calibration import Calibration
-    from ecm.rig.plan import Skipped, Visit, Visits
-    from ecm.rig.plant import Plant
-    from ecm.rig.settings import RigSettings
-    from ecm.rig.timeline import Climate, Timeline
+from ecm.rig.plan import OFFSET, Skipped, Visit, Visits
+from ecm.rig.plant import Plant, wrench_in_base
+from ecm.rig.settings import Instruments, RigSettings
+from ecm.rig.timeline import Climate, Timeline, stream
 
 _MARK = "# campaign "
 
@@ -129,12 +123,7 @@ class Journal:
             raise disk_error(self.path, error) from None
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._stream is not None:
             with suppress(OSError):  # of a line that a full disk cut, which `append` told
                 self._stream.close()
@@ -278,10 +267,11 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     wrenches = wrench_in_base(campaign.plant, campaign.visits, sensor, poses, warm)
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
-    taken = [visits[i] for i in rows]
-    columns = visit_columns(taken, _stamps(campaign, taken))
-    optics = Optics(campaign.settings.instrument)
-    columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
+    taken, instrument = [visits[i] for i in rows], campaign.settings.instrument
+    noise = [stream(campaign.seed, "stamp", *v.serial).standard_normal() for v in taken]
+    time_s = campaign.visits.time_s[rows]
+    columns = visit_columns(taken, stamps(instrument, time_s, np.asarray(noise)))
+    columns["leds_visible"] = Optics(instrument).visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH, wrenches[rows].T.copy(), strict=True))
     inputs = campaign.visits.inputs[rows]
@@ -314,13 +304,10 @@ def spread_columns(readings: Sequence[Reading]) -> dict[str, NDArray[Any]]:
     return dict(zip(SPREAD, spreads.T.copy(), strict=True))
 
 
-def _stamps(campaign: CampaignState, visits: list[Visit]) -> F:
-    """Time stamps by the recorder's clock; they grow, as a recorder's do."""
-    instrument, seed = campaign.settings.instrument, campaign.seed
-    time = np.asarray([visit.time_s for visit in visits])
-    noise = [stream(seed, "stamp", *visit.serial).standard_normal() for visit in visits]
-    scatter = instrument.time_stamp_sd_s * np.asarray(noise)
-    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
+def stamps(instrument: Instruments, time_s: F, noise: F) -> F:
+    """Time stamps (N,) by the recorder's clock; they grow, as a recorder's do."""
+    scatter = instrument.time_stamp_sd_s * noise
+    return np.maximum.accumulate((1.0 + instrument.clock_skew) * time_s + scatter)
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:

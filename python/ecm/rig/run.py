@@ -362,9 +362,7 @@ def run_campaigns(
 
     def finished(i: int, files: dict[str, bytes]) -> None:
         for suffix, content in sorted(files.items()):
-            write_atomically(
-                paths[i] if suffix == ".csv" else paths[i].with_suffix(suffix), content
-            )
+            write_atomically(paths[i].with_suffix(suffix), content)
         clear_beside(paths[i], files)
         done.add(i)
         save()

@@ -33,9 +33,7 @@ def wander(generator: np.random.Generator, count: int, columns: int, correlation
     """
     kicks = generator.standard_normal((count, columns))
     share = np.sqrt(1.0 - correlation**2)
-    walk = np.empty_like(kicks)
-    if count:
-        walk[0] = kicks[0]
+    walk: F = kicks.copy()
     for i in range(1, count):
         walk[i] = correlation * walk[i - 1] + share * kicks[i]
     return walk
@@ -103,10 +101,9 @@ class Climate:
 def _late(driver: F, lag_s: float) -> F:
     """First-order lag, in equilibrium at the beginning."""
     if lag_s <= 0.0:
-        return np.array(driver)
+        return driver
     share = -float(np.expm1(-GRID_S / lag_s))
-    late: F = np.empty_like(driver)
-    late[0] = driver[0]
+    late: F = driver.copy()
     for i in range(1, len(driver)):
         late[i] = late[i - 1] + share * (driver[i] - late[i - 1])
     return late
@@ -160,15 +157,14 @@ class Layout:
         self._bump = 0
         self._poses_since_offset = 0
         self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
-        self._previous = self._run
         self._offset()
 
     def add(self, request: Request) -> None:
         """Go on with a request: no visit, one, or several with the zeros before it."""
-        if request.run != self._previous:
-            self._previous = request.run
+        run = request.run + self._bump
+        if run != self._run:
             self._new_run(self._procedure.unload_s)
-            self._enter(request.run + self._bump)
+            self._enter(run)
         self._do(request)
 
     def look_home(self) -> None:
@@ -266,7 +262,6 @@ class Layout:
             dwell_s=request.dwell_s,
             approach=source,
             travel_s=travel,
-            free=request.free,
         )
         self._last_id = str(request.pose_id)
         self._poses_since_offset += 1
@@ -311,7 +306,6 @@ class Layout:
         approach: str = HOME,
         travel_s: float = 0.0,
         dead_weight_kg: float = 0.0,
-        free: F | None = None,
     ) -> None:
         pose_id = -1 if request is None else request.pose_id
         repeat = self._seen.get((kind, pose_id), 0)
@@ -334,7 +328,7 @@ class Layout:
                 mount_rad=self._mount,
                 payload_on=self._payload,
                 dead_weight_kg=dead_weight_kg,
-                free=free,
+                free=None if request is None else request.free,
                 set_s=self._set_s,
             )
         )

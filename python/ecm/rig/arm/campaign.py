@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import cache_directory
 from ecm.io.columns import JOINT_SIGNS, JOINTS, WRENCH
 from ecm.io.extras import own_cores
+from ecm.io.table import Table
 from ecm.rig.arm.mechanism import (
     HiddenPhysics,
     compile_model,
@@ -50,9 +51,6 @@ from ecm.rig.plan import HOME, OFFSET, POSE, Skipped, Visit, rest_pose
 from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
 from ecm.rig.timeline import Climate, Timeline
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 _WAY_POINTS = 12
 _EXTRA_S = 3600.0
@@ -232,10 +230,10 @@ class RobotCampaign(Campaign):
             self.stops.append(stop)
             own_inputs = planned.pose[6:]
             way = np.concatenate([way, with_inputs(_way_points(stop.trace), own_inputs)])
-            after, began_s = rest[:0], trip.depart_s + shift_s
+            after, began_s = rest[:0], trip.stops[k].depart_s + shift_s
             if k == len(trip.stops) - 1:
                 after = with_inputs(_way_points(result.home.trace), off)
-                shift_s += result.duration_s - (trip.home_s - trip.depart_s)
+                shift_s += result.duration_s - (trip.home_s - trip.stops[k].depart_s)
             if stop.reason:
                 way = np.concatenate([way, after])
                 self._skip(stop, stop.reason)
@@ -296,8 +294,7 @@ def _way_points(trace: F) -> F:
     if len(trace) == 0:
         return trace
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))
-    points: F = trace[index]
-    return points
+    return np.asarray(trace[index])
 
 
 _TRIED = 10

@@ -223,8 +223,7 @@ class NonElasticWrench:
             rested=True,
         )  # fmt: skip
         visits = visits_of((visit,), pose[None].copy(), self._nearest, self._hidden.air)
-        wrench: F = (self._plant.load(visits) - self._bare.load(visits))[0]
-        return wrench
+        return np.asarray((self._plant.load(visits) - self._bare.load(visits))[0])
 
 
 _NAME = "controller"
@@ -237,17 +236,18 @@ class ControllerModel:
     """Wrench h and stiffness K of the compiled model at one pose, in arrays of its own."""
 
     def __init__(self, library: Path) -> None:
-        self.pose: F = np.zeros(6)
+        self._pose: F = np.zeros(6)
         self.wrench: F = np.zeros(6)
         self.stiffness: F = np.zeros((6, 6))
         self._function = getattr(ctypes.CDLL(str(library)), f"{_NAME}_value_and_stiffness")
         self._function.restype = None
         self._function.argtypes = [ctypes.c_void_p] * 3
-        arrays = (self.pose, self.wrench, self.stiffness)
+        arrays = (self._pose, self.wrench, self.stiffness)
         self._addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays]
 
-    def evaluate(self) -> None:
-        """Read `pose`, write `wrench` and `stiffness`."""
+    def evaluate(self, pose: F) -> None:
+        """Write `wrench` and `stiffness` at a pose (6,)."""
+        self._pose[:] = pose
         self._function(*self._addresses)
 
 

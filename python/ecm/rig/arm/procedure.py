@@ -207,8 +207,7 @@ class SimulatedArm:
                 if (np.abs(simulation.wrench) < rig.free_N * SENSOR_SCALE).all():
                     break
             self._settle(place, quaternion)
-        goal: F = displaced(simulation.pose[None], offset[None])[0]
-        return goal
+        return np.asarray(displaced(simulation.pose[None], offset[None])[0])
 
     def _cartesian(self, phase: str, positions: F, quaternions: F) -> None:
         for k in range(len(positions)):
@@ -442,9 +441,9 @@ class SafetyLimits:
     def broken(self, torque_Nm: F) -> str:
         """Message about the first limit that is broken by the state and the joint torques (7,)."""
         arm, simulation, pose = self._arm, self._simulation, self._simulation.pose
-        force, tau = _norm(simulation.wrench[:3]), _norm(simulation.wrench[3:])
+        force, tau = np.linalg.norm(simulation.wrench[:3]), np.linalg.norm(simulation.wrench[3:])
         moved = math.hypot(pose[0] - self._length_m, pose[1], pose[2])
-        speed = _norm(simulation.jacobian[:3].dot(simulation.speeds_rad_s))
+        speed = np.linalg.norm(simulation.jacobian[:3].dot(simulation.speeds_rad_s))
         for found, limit, unit, words, key in (
             (force, arm.force_limit_N, 1.0, "force {:.1f} N, limit {:g} N", "force_limit_N"),
             (tau, arm.torque_limit_Nm, 1.0, "torque {:.2f} N m, limit {:g} N m", "torque_limit_Nm"),
@@ -487,16 +486,13 @@ class SafetyLimits:
         if simulation.data.ncon == 0:
             return ""
         # What the sensor reads beyond the model of the mechanism.
-        self._model.pose[:] = simulation.pose
-        self._model.evaluate()
-        unexplained = simulation.contact_N() + _norm(simulation.wrench[:3] - self._model.wrench[:3])
+        self._model.evaluate(simulation.pose)
+        unexplained = simulation.contact_N() + np.linalg.norm(
+            simulation.wrench[:3] - self._model.wrench[:3]
+        )
         if unexplained > self._arm.contact_limit_N:
             return (
                 f"contact: {unexplained:.1f} N that the model of the mechanism does not explain, "
                 f"limit {self._arm.contact_limit_N:g} N ([rig] contact_limit_N)"
             )
         return ""
-
-
-def _norm(vector: F) -> float:
-    return math.sqrt(float(vector.dot(vector)))

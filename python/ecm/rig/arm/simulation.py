@@ -283,8 +283,7 @@ class Servo:
         torque: F = self._spring * (error + self._integral)
         torque += self._damper * speeds_rad_s
         if self._feed_forward:
-            self._model.pose[:] = self.pose()
-            self._model.evaluate()
+            self._model.evaluate(self.pose())
             torque += self._simulation.jacobian_T.dot(self._model.wrench)
         return torque
 
@@ -300,8 +299,7 @@ class Servo:
         """Pose (6,) of the top frame by the encoders."""
         simulation = self._simulation
         if not self._yield:
-            pose: F = simulation.pose
-            return pose
+            return simulation.pose
         return simulation.pose_after(self.encoders_rad() - simulation.joints_rad)
 
     def damper_torque_Nm(self) -> F:
@@ -329,8 +327,7 @@ class Impedance:
     def design(self) -> None:
         """Compute damping and null space in the present configuration."""
         simulation = self._simulation
-        self._model.pose[:] = simulation.pose
-        self._model.evaluate()
+        self._model.evaluate(simulation.pose)
         elastic = 0.5 * (self._model.stiffness + self._model.stiffness.T)
         elastic[np.diag_indices(6)] += self.stiffness
         factor = np.linalg.cholesky(simulation.compliance())
@@ -357,14 +354,12 @@ class Impedance:
         rate = float(null.dot(simulation.speeds_rad_s))
         damper = 2.0 * arm.damping_ratio * (arm.nullspace_Nm_rad * self._null_inertia) ** 0.5
         acceleration = (arm.nullspace_Nm_rad * angle - damper * rate) / self._null_inertia
-        torque: F = simulation.jacobian_T.dot(wrench) + acceleration * self._null_torque
-        return torque
+        return np.asarray(simulation.jacobian_T.dot(wrench) + acceleration * self._null_torque)
 
 
 def null_direction(jacobian: F) -> F:
     """Unit vector n (7,) with J n = 0."""
-    direction: F = np.linalg.svd(jacobian)[2][6]
-    return direction
+    return np.asarray(np.linalg.svd(jacobian)[2][6])
 
 
 _DIVERGED_NM2 = 1e12
@@ -475,8 +470,7 @@ class Simulation:
         solved: F = np.zeros((6, 7))
         self.library.mj_solveM(self.model, self.data, solved, self.jacobian)
         product: F = solved @ self.jacobian.T
-        symmetric: F = 0.5 * (product + product.T)
-        return symmetric
+        return np.asarray(0.5 * (product + product.T))
 
     def times_inertia(self, vector: F) -> F:
         """Product of the inertia matrix and a vector (7,)."""

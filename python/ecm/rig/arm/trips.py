@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE as POSE_COLUMNS
-from ecm.io.se3 import rotation, rotation_vector, seen_from, transpose
+from ecm.io.se3 import displacement, seen_from
+from ecm.rig.physics.true_effect import metric_root
 from ecm.rig.plan import POSE, Visit, rest_pose
 from ecm.rig.readings import disk_error
 from ecm.rig.settings import Procedure
@@ -75,10 +76,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class PlannedTrip:
-    """The stops of one trip, and when it leaves home and returns by the plan."""
+    """The stops of one trip, and when it returns home by the plan."""
 
     stops: tuple[Stop, ...]
-    depart_s: float
     home_s: float
 
 
@@ -135,7 +135,7 @@ def plan_trips(
 
     def close() -> None:
         if stops:
-            trips.append(PlannedTrip(tuple(stops), depart, last))
+            trips.append(PlannedTrip(tuple(stops), last))
             stops.clear()
 
     for i, visit in enumerate(visits):
@@ -152,19 +152,14 @@ def plan_trips(
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
         via, offset = tuple(points[1:-1]), None
         if visit.free is not None and via and np.array_equal(via[-1], visit.free):
-            via, offset = via[:-1], _offset(visit.free, visit.pose)
+            via = via[:-1]
+            offset = displacement(visit.free[None, :6], visit.pose[None, :6])[0]
         stops.append(
             Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart, acting[i], offset)
         )
         last = visit.time_s + 0.5 * visit.window_s + travel_s(rest - visit.pose, procedure)
     close()
     return trips
-
-
-def _offset(free: F, pose: F) -> F:
-    """Shift and turn (6,) in base axes from one pose to another."""
-    turn = rotation(pose[None, 3:6]) @ transpose(rotation(free[None, 3:6]))
-    return np.concatenate([pose[:3] - free[:3], rotation_vector(turn)[0]])
 
 
 def extra_s(visit: Visit, procedure: Procedure) -> float:
@@ -245,9 +240,6 @@ def thousandths(value: float) -> str:
     return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
 
 
-PHASES = tuple(COLOURS)
-
-
 def pose_errors(poses: F, goals: F) -> tuple[F, F]:
     """Distance in m and angle in rad between (N, 6) poses: (N,) each."""
     off = seen_from(goals, poses)
@@ -258,20 +250,18 @@ def motion_shares(poses: F, goals: F, rest: F) -> F:
     """Share (6,) of the motion from rest to the goals that is reached, by least squares."""
     motion = goals - rest
     square = np.maximum((motion**2).sum(axis=0), 1e-30)
-    share: F = ((poses - rest) * motion).sum(axis=0) / square
-    return share
+    return np.asarray(((poses - rest) * motion).sum(axis=0) / square)
 
 
 def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
     """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
-    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    metric = metric_root(length_m)
     lines = (poses - rest) * metric
     points = (path - rest) * metric
     square = np.maximum((lines**2).sum(axis=1), 1e-18)
     share = np.clip(points @ lines.T / square, 0.0, 1.0)
     gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
-    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
-    return nearest
+    return np.asarray(np.sqrt((gaps**2).sum(axis=2).min(axis=1)))
 
 
 def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any]:
@@ -290,7 +280,7 @@ def phases_of(reached: Sequence[StopResult], goals: F, rest: F) -> dict[str, Any
             "largest_rad": float(angle.max()),
             "fraction": dict(zip(POSE_COLUMNS, shares.tolist(), strict=True)),
         }
-    spans: dict[str, list[float]] = {name: [] for name in PHASES}
+    spans: dict[str, list[float]] = {name: [] for name in COLOURS}
     for stop in reached:
         for name, begin, end in stop.phases:
             spans[name].append(end - begin)

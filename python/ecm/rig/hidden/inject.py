@@ -24,7 +24,7 @@ from ecm.io.arrays import F, rms
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.hidden.truth import Hidden
 from ecm.rig.physics import TRUE_EFFECTS
-from ecm.rig.physics.true_effect import RigScale, Supply, TrueEffect
+from ecm.rig.physics.true_effect import RigScale, Supply, TrueEffect, metric_root
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
@@ -170,7 +170,6 @@ def scale_of(campaign: CampaignState) -> RigScale:
     moved = reached - rest_pose(plant.length_m)
     turn = rotation(reached[:, 3:])
     in_sensor = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
-    metric = np.repeat([1.0, plant.length_m], 3)
     return RigScale(
         length_m=plant.length_m,
         duration_s=campaign.timeline.end_s,
@@ -178,7 +177,7 @@ def scale_of(campaign: CampaignState) -> RigScale:
         mean_sensor_degC=float(visits.sensor_temperature_degC[rows].mean()),
         energy_J=float(np.mean(0.5 * np.abs(np.sum(h * moved, axis=1)))),
         tilts_rad=tuple(np.sort(np.arccos(np.clip(turn[:, 0, 0], -1.0, 1.0))).tolist()),
-        far_m=float(np.median(np.linalg.norm(moved * metric, axis=1))),
+        far_m=float(np.median(np.linalg.norm(moved * metric_root(plant.length_m), axis=1))),
         loads=tuple(np.abs(in_sensor).max(axis=0).tolist()),
         ranges=campaign.settings.instrument.fts_range,
         rest_stiffness=tuple(np.diag(plant.elastic.rest_stiffness).tolist()),

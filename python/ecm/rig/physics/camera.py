@@ -43,8 +43,8 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
     its place.
     """
 
-    errors: tuple[tuple[float, ...], ...] = ()
-    """Errors (9, 3) of unit size; empty: none."""
+    errors: tuple[tuple[float, ...], ...]
+    """Errors (9, 3) of unit size."""
 
     limit: ClassVar[Limit] = Limit(0.1, "larger tilts")
 
@@ -54,10 +54,9 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
         return cls(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
 
     def measured(self, poses: F, at: Conditions) -> F:
-        if at.camera is None or not self.errors:
-            return poses
-        visible = at.camera.visible(poses)
-        design = rigid_design(at.camera.places_m)
+        assert at.leds_visible is not None
+        visible = at.leds_visible(poses)
+        design = rigid_design(at.led_places_m)
         errors = np.asarray(self.errors)
         flat = design.reshape(-1, 6)
         errors = errors - (design @ np.linalg.lstsq(flat, errors.ravel(), rcond=None)[0])
@@ -85,7 +84,8 @@ class AskewFrame(CameraPose, unit="rad"):
     @classmethod
     def draw(cls: type[T], random: Random, rig: RigScale) -> T:
         axis = unit_vector(random)
-        return cls(2e-3, axis=axis, shift_m_rad=_shift(random, rig.length_m))
+        shift = 0.3 * rig.length_m * random.uniform(0.2, 1.0) * np.asarray(unit_vector(random))
+        return cls(2e-3, axis=axis, shift_m_rad=(shift[0], shift[1], shift[2]))
 
     @property
     def motion(self) -> F:
@@ -102,7 +102,7 @@ class TipTarget(AskewFrame, effect="tip_frame_misalignment", name="tip_target"):
     """
 
     def measured(self, poses: F, at: Conditions) -> F:
-        return compose(poses, self.motion[None])
+        return compose(poses, self.motion)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class BaseFrame(AskewFrame, effect="base_frame_misalignment", name="base_frame")
     """
 
     def measured(self, poses: F, at: Conditions) -> F:
-        return compose(np.tile(self.motion, (len(poses), 1)), poses)
+        return compose(self.motion, poses)
 
 
 @dataclass(frozen=True)
@@ -202,9 +202,3 @@ class TimeSkew(Clock, effect="time_skew", unit="s"):
 
     def read_s(self, stamp_s: F) -> F:
         return stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
-
-
-def _shift(random: Random, length_m: float) -> tuple[float, float, float]:
-    """Translation per rad of an askew frame."""
-    shift = 0.3 * length_m * random.uniform(0.2, 1.0) * np.asarray(unit_vector(random))
-    return shift[0], shift[1], shift[2]

@@ -132,11 +132,7 @@ class Payload(TrueEffect, effect="payload", unit="kg"):
         share = float(random.uniform(0.5, 0.8))
         first = (float(random.uniform(0.01, 0.05)), *random.uniform(-0.01, 0.01, 2).tolist())
         second = (float(random.uniform(0.0, 0.03)), *random.uniform(-0.03, 0.03, 2).tolist())
-        return cls(
-            0.1,
-            shares=(share, 1.0 - share),
-            places_m=((first[0], first[1], first[2]), (second[0], second[1], second[2])),
-        )
+        return cls(0.1, shares=(share, 1.0 - share), places_m=(first, second))
 
     def weight(self, poses: F, gravity_m_s2: F) -> F:
         """Wrench (N, 6) of the weight on the platform, base axes, about the top frame's origin."""

@@ -77,8 +77,7 @@ class Ageing(MaterialFactor, effect="ageing", unit="1"):
         return cls(0.02, time_s=float(random.uniform(0.5, 2.0)) * rig.duration_s)
 
     def factor(self, at: Conditions) -> F:
-        factor: F = 1.0 + self.size * np.log1p(at.time_s / self.time_s) / np.log(2.0)
-        return factor
+        return np.asarray(1.0 + self.size * np.log1p(at.time_s / self.time_s) / np.log(2.0))
 
 
 @dataclass(frozen=True)
@@ -265,8 +264,7 @@ class Hysteresis(MaterialMemory, effect="hysteresis", unit="m"):
 
     def wrench(self, states: F, rest_stiffness: F, length_m: float) -> F:
         """c K0 M^(-1/2) z for states (N, 6)."""
-        wrench: F = self.size * (states / metric_root(length_m)) @ rest_stiffness.T
-        return wrench
+        return np.asarray(self.size * (states / metric_root(length_m)) @ rest_stiffness.T)
 
     def states(self, legs: Sequence[tuple[F, bool]], length_m: float) -> F:
         """Internal state z after each leg, (N, 6).
@@ -315,5 +313,4 @@ class Hysteresis(MaterialMemory, effect="hysteresis", unit="m"):
             return dx
         work = float(z @ dx)
         pull = size ** (self.exponent - 2.0) * (self.beta * abs(work) + (1.0 - self.beta) * work)
-        rate: F = dx - z * pull
-        return rate
+        return np.asarray(dx - z * pull)

@@ -60,8 +60,8 @@ class SensorCrosstalk(SensorReading, effect="fts_crosstalk", name="sensor_crosst
     `size` is a typical entry of the matrix.
     """
 
-    matrix: tuple[tuple[float, ...], ...] = ()
-    """Pattern (6, 6) with an empty diagonal; empty: none."""
+    matrix: tuple[tuple[float, ...], ...]
+    """Pattern (6, 6) with an empty diagonal."""
 
     limit: ClassVar[Limit] = Limit(0.1, "loads on every axis")
 
@@ -71,8 +71,6 @@ class SensorCrosstalk(SensorReading, effect="fts_crosstalk", name="sensor_crosst
         return cls(0.005, matrix=tuple(tuple(row) for row in matrix.tolist()))
 
     def reading(self, wrenches: F, at: Conditions) -> F:
-        if not self.matrix:
-            return wrenches
         bent = wrenches * (1.0 + wrenches / (10.0 * at.fts_range)) / SENSOR_SCALE
         matrix = np.asarray(self.matrix)
         talk: F = self.size * SENSOR_SCALE * np.einsum("ij,nj->ni", matrix, bent)

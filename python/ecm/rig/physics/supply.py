@@ -18,8 +18,8 @@ from ecm.rig.elastic import REST_INDEX
 from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply
 
 T = TypeVar("T", bound="OfActuator")
+L = TypeVar("L", bound="OfLargest")
 _EVERY = -1
-
 
 _WARM_K = 30.0
 """Warming in which the zero of a regulator doubles."""
@@ -66,18 +66,24 @@ class Zero(OfActuator, effect="pressure_offset", name="regulator zero", unit="Pa
 
 
 @dataclass(frozen=True)
-class Gain(OfActuator, effect="pressure_gain", name="regulator gain", unit="1"):
-    """A characteristic that bends: a -> a + s a (1 + 0.3 (4 u (1 - u) - 0.5)), u = a / largest."""
+class OfLargest(OfActuator, unit="1"):
+    """A change that depends on the input over the largest one."""
 
     largest: float = 1.0
     """Largest input of the plan."""
 
-    limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
     either_sign: ClassVar[bool] = True
 
     @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Gain:
+    def draw(cls: type[L], random: Random, rig: RigScale) -> L:
         return replace(super().draw(random, rig), largest=rig.largest_input or 1.0)
+
+
+@dataclass(frozen=True)
+class Gain(OfLargest, effect="pressure_gain", name="regulator gain"):
+    """A characteristic that bends: a -> a + s a (1 + 0.3 (4 u (1 - u) - 0.5)), u = a / largest."""
+
+    limit: ClassVar[Limit] = Limit(0.3, "poses at several pressures")
 
     def given(self, inputs: F, at: Conditions) -> F:
         u = np.clip(inputs / self.largest, 0.0, 1.0)
@@ -85,17 +91,10 @@ class Gain(OfActuator, effect="pressure_gain", name="regulator gain", unit="1"):
 
 
 @dataclass(frozen=True)
-class Supplied(OfActuator, effect="pressure_cross_talk", name="shared supply", unit="1"):
+class Supplied(OfLargest, effect="pressure_cross_talk", name="shared supply"):
     """One supply: what flows into the others moves a chamber with the root of their pressure."""
 
-    largest: float = 1.0
-
     limit: ClassVar[Limit] = Limit(0.3, "poses with different pressures")
-    either_sign: ClassVar[bool] = True
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Supplied:
-        return replace(super().draw(random, rig), largest=rig.largest_input or 1.0)
 
     def given(self, inputs: F, at: Conditions) -> F:
         own = np.array([name.startswith(self.acts_on) for name in at.actuators])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -54,19 +54,6 @@ class RigScale:
     actuators: int = 3
     largest_input: float = 2e4
     """Largest input of all actuators, Pa."""
-
-
-class LedCamera(Protocol):
-    """The camera's view of the target on the platform."""
-
-    @property
-    def places_m(self) -> F:
-        """Places (9, 3) of the LEDs about the target's centre."""
-        ...
-
-    def visible(self, poses: F) -> B:
-        """Whether each of the nine LEDs is located at poses (N, 6): (N, 9)."""
-        ...
 
 
 _PER_VISIT = {"per_visit": True}
@@ -120,7 +107,10 @@ class Conditions:
     """Adjoint (6, 6) that moves a wrench from the top frame to the sensor's."""
     elastic: Elastic | None = None
     gradings: Mapping[str, Grading] = field(default_factory=dict)
-    camera: LedCamera | None = None
+    led_places_m: F = field(default_factory=_no_rows)
+    """Places (9, 3) of the LEDs about the target's centre."""
+    leds_visible: Callable[[F], B] | None = None
+    """Whether the camera locates each of the nine LEDs at poses (N, 6): (N, 9)."""
     whole: Conditions | None = None
     """All visits, where this is a selection of them."""
     selected: B | None = None
