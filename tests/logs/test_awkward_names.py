@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import ecm
 from ecm import import_log
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.logs.log import log_of_object
 from ecm.models.selection import default_candidates
@@ -43,6 +44,20 @@ def test_units_at_the_end_of_the_names_of_arrays() -> None:
     both = {"pose_mm_deg": np.hstack([1e3 * PLACE, np.degrees(TURN)]), "Wrench [N, N mm]":
             LOAD * [1, 1, 1, 1e3, 1e3, 1e3]}  # fmt: skip
     check_all(import_log(both, rotation="rotvec"))
+
+
+@pytest.mark.parametrize("name", ["twist", "actual_TCP_speed", "tcp_pose_target"])
+def test_six_numbers_that_are_no_reading_of_the_pose_are_none(name: str) -> None:
+    log = {"t": np.arange(float(N)), name: LOAD, "wrench": LOAD}
+    with pytest.raises(InputError, match="--rotation rotvec: expected 3 columns, found 0"):
+        import_log(log, units="SI", rotation="rotvec")
+    check_all(import_log({**log, "tcp": np.hstack([PLACE, TURN])}, units="SI", rotation="rotvec"))
+
+
+def test_two_units_of_pressure_are_refused_as_two_of_length_are() -> None:
+    for units in ("bar,psi", "mm,m"):
+        with pytest.raises(InputError, match="are both units of"):
+            import_log({"x [mm]": [0.0, 1.0], "Fx [N]": [1.0, 2.0]}, units=units)
 
 
 def test_the_smallest_value_of_a_force_is_no_time() -> None:

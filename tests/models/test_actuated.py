@@ -258,6 +258,11 @@ def test_tensions_and_shortenings_are_inputs_and_amounts_like_pressures(
     rows = inputs_of(fitted.base, tendons)
     amounts = fitted.actuated.amounts(rows)
     np.testing.assert_allclose(amounts[:, 2], train[VOLUMES[2]], atol=2e-8)
+    written = ecm.predict(fitted, tendons, stiffness="partial")
+    jacobian = fitted.actuated.actuation_jacobian(rows)
+    for i, force in enumerate(("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")):
+        for j in range(3):
+            np.testing.assert_array_equal(written[f"g_{force}_tension_{j + 1}"], jacobian[:, i, j])
 
 
 def test_a_file_with_one_input_scale_is_read(model: Model, fresh: Table) -> None:

@@ -6,7 +6,6 @@ readings so far alone, so a run that was cut chooses as one that was not.
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,7 +21,7 @@ from ecm.bench.settings import ALL
 from ecm.designs.next_pose import UNITS, NextPose
 from ecm.diagnosis.agreement import Look, Told, agreed, is_due, look_at
 from ecm.errors import EcmError, InputError
-from ecm.io.cache import write_atomically
+from ecm.io.cache import write_json
 from ecm.io.table import Table
 from ecm.models import Model, choose_model, fit_model
 from ecm.rig.plan import POSE as AT_POSE
@@ -268,5 +267,4 @@ def certificate_path(out: Path) -> Path:
 def certify(run: Run, out: Path) -> None:
     """Write the certificate of a run that chose its rows."""
     if isinstance(run.chooser, Until):
-        document = json.dumps(run.chooser.certificate(run), indent=1)
-        write_atomically(certificate_path(out), document + "\n")
+        write_json(certificate_path(out), run.chooser.certificate(run))

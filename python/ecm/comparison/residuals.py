@@ -201,7 +201,7 @@ def dependence_shares(
     for name, values in variables.items():
         distinct = len(np.unique(values))
         degree = min(_DEGREE, distinct - 1)
-        if n < 4 * (degree + 1):
+        if n < 4 * (degree + 1) or not degree:
             continue
         x = 2.0 * (values - values.min()) / float(np.ptp(values)) - 1.0
         basis = orthonormal(np.polynomial.chebyshev.chebvander(x, degree))

@@ -129,7 +129,7 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     >>> given_units(["mm", "N mm"])["torque"].factor
     0.001
     """
-    found: dict[str, Unit] = {}
+    found: list[Unit] = []
     si = any(word.strip().upper() == "SI" for word in words)
     for word in words:
         if word.strip().upper() == "SI" or not word.strip():
@@ -139,12 +139,22 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
             near = closest(word, _UNITS)
             hint = f"did you mean '{near}'?" if near else "known are m, mm, deg, N, N mm, lbf, SI"
             raise InputError(f"--units: '{word}' is no unit, {hint}")
-        if found.setdefault(unit.dimension, unit).factor != unit.factor:
+        found.append(unit)
+    of_each = one_of_each(found)
+    return {_UNITS[word].dimension: _UNITS[word] for word in _SI} | of_each if si else of_each
+
+
+def one_of_each(units: Iterable[Unit]) -> dict[str, Unit]:
+    """Return the given units by their dimension; an InputError for two of one dimension."""
+    found: dict[str, Unit] = {}
+    for unit in units:
+        first = found.setdefault(unit.dimension, unit)
+        if first.factor != unit.factor:
             raise InputError(
-                f"--units: '{found[unit.dimension].word}' and '{word}' are both units of "
+                f"--units: '{first.word}' and '{unit.word}' are both units of "
                 f"{unit.dimension}; give one, and --map NAME=COLUMN:UNIT for what differs"
             )
-    return {_UNITS[word].dimension: _UNITS[word] for word in _SI} | found if si else found
+    return found
 
 
 _SAME_FACTOR = 0.1

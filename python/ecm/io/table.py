@@ -334,8 +334,8 @@ class Table(Printed):
 
         `progress` is told the rows that are written, of all.
 
-        Each file appears complete or not at all. InputError for another suffix, and where a
-        NAME.toml of another table, or that describes no table, exists.
+        Each file appears complete or not at all. InputError for .parquet, and where a NAME.toml of
+        another table, or that describes no table, exists.
         """
         target = Path(path)
         if target.suffix == ".parquet":

@@ -17,6 +17,7 @@ from ecm.logs.names import (
     Guess,
     Named,
     Question,
+    is_no_reading,
     missing,
     named_as,
     read_name,
@@ -274,7 +275,7 @@ def _renamed(log: Log) -> list[str]:
         size = sizes[stem] if dot else 0
         if name in of_poses:
             names.append(of_poses[name])
-        elif size == 6 and index.isdigit():
+        elif size == 6 and index.isdigit() and not is_no_reading(stem):
             of_wrench = any(word in stem.lower() for word in ("wrench", "ft", "load", "force"))
             first, second = ("force", "torque") if of_wrench else ("position", "rotation")
             names.append(f"{first if int(index) < 3 else second}.{'xyz'[int(index) % 3]}")

@@ -174,7 +174,7 @@ _SIDES = frozenset({"r", "l", "right", "left"})
 _NOT_MEASURED = frozenset(
     {"error", "err", "limit", "commanded", "command", "cmd", "target", "desired", "setpoint"}
     | {"reference", "ref", "std", "sd", "sigma", "variance", "max", "min", "bias", "tare", "arm"}
-    | {"velocity", "speed", "rate", "acceleration"}
+    | {"velocity", "speed", "rate", "acceleration", "twist"}
 )
 """Words of numbers that belong to a pose or wrench but are no reading of it."""
 
@@ -216,6 +216,17 @@ def _of_chambers(word: str) -> Unit | None:
     return Unit(bare, dimension, _OF_CHAMBERS[dimension][small]) if dimension else None
 
 
+def is_no_reading(name: str) -> bool:
+    """Whether a name says that its numbers belong to a pose or wrench and are no reading of it.
+
+    Examples
+    --------
+    >>> is_no_reading("twist"), is_no_reading("actual_TCP_speed"), is_no_reading("tcp_pose")
+    (True, True, False)
+    """
+    return not _NOT_MEASURED.isdisjoint(_tokens(name))
+
+
 def given_units(words: Sequence[str]) -> dict[str, Unit]:
     """Return the unit of each dimension, as `ecm.io.columns.given_units`, also of chambers.
 
@@ -226,8 +237,8 @@ def given_units(words: Sequence[str]) -> dict[str, Unit]:
     """
     others = columns.given_units([word for word in words if _of_chambers(word) is None])
     si = ("Pa", "m3") if any(word.strip().upper() == "SI" for word in words) else ()
-    own = [unit for word in (*si, *words) if (unit := _of_chambers(word)) is not None]
-    return others | {unit.dimension: unit for unit in own}
+    standard, own = (list(filter(None, map(_of_chambers, some))) for some in (si, words))
+    return others | columns.one_of_each(standard) | columns.one_of_each(own)
 
 
 def read_name(name: str, unit_word: str = "") -> Named:

@@ -7,6 +7,7 @@ block, by the load alone. The rest measures noise, misfit and forces that are no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -200,20 +201,21 @@ def _turned(model: Model, poses: F) -> tuple[PhysicsMap, F] | None:
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
-    matrix = model.stiffness(poses, kind)
     actuators = actuators_of(model.base)
-    if actuators:
-        of_inputs = model.actuated.actuation_jacobian(poses)
-        matrix = np.concatenate([matrix, of_inputs], axis=2)
-    inputs = (*model.inputs, *actuators)
-    short = {name: name.rsplit("_", 1)[0] for name in (*inputs, *model.outputs)}
-    columns = {
-        f"k_{short[force]}_{short[coordinate]}": matrix[:, i, j]
-        for i, force in enumerate(model.outputs)
-        for j, coordinate in enumerate(inputs)
-    }
+    short = {name: name.rsplit("_", 1)[0] for name in (*model.inputs, *actuators, *model.outputs)}
+
+    def named(letter: str, matrix: F, inputs: Sequence[str]) -> dict[str, F]:
+        return {
+            f"{letter}_{short[force]}_{short[moved]}": matrix[:, i, j]
+            for i, force in enumerate(model.outputs)
+            for j, moved in enumerate(inputs)
+        }
+
+    columns = named("k", model.stiffness(poses, kind), model.inputs)
     of_pose = {name: columns[name] for name in STIFFNESS if name in columns}
-    return of_pose | {f"g{name[1:]}": columns[name] for name in columns if "pressure" in name}
+    if not actuators:
+        return of_pose
+    return of_pose | named("g", model.actuated.actuation_jacobian(poses), actuators)
 
 
 def beyond_reach(model: Model, poses: F) -> list[str]:

@@ -401,7 +401,7 @@ class LearningCurve(Printed):
         """Return a plotly figure of the curve with its quartiles; needs the extra `report`."""
         bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
         series = {name: (list(self.sizes), band.tolist()) for name, band in bands.items()}
-        figure = figures.lines(series, x_title="poses", y_title="error / noise", log_y=True)
+        figure = figures.lines(series, x_title="poses", y_title=f"error / {self.over}", log_y=True)
         return figures.plotly_figure(figure)
 
     def to_pandas(self) -> Any:

@@ -1,9 +1,8 @@
 """What the mechanism is clamped in, and what acts on the platform: weights, a cable, a stop.
 
-Largest sizes: compliances are shares of the mechanism's own; a softer base does not hold it.
-
-Largest sizes: a quarter of the sensor's range in weight does not pass the eye; stiffnesses are
-multiples of the mechanism's own (a stop of 300 is a wall).
+Largest sizes: compliances are shares of the mechanism's own, for a softer base does not hold it; a
+quarter of the sensor's range in weight does not pass the eye; stiffnesses are multiples of the
+mechanism's own (a stop of 300 is a wall).
 """
 
 from __future__ import annotations

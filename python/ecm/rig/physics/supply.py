@@ -92,7 +92,7 @@ class Gain(OfLargest, effect="pressure_gain", name="regulator gain"):
 
 @dataclass(frozen=True)
 class Supplied(OfLargest, effect="pressure_cross_talk", name="shared supply"):
-    """One supply: what flows into the others moves a chamber with the root of their pressure."""
+    """One supply: what flows into the others moves a chamber by their pressure to the power 0.8."""
 
     limit: ClassVar[Limit] = Limit(0.3, "poses with different pressures")
 

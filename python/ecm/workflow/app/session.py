@@ -29,7 +29,7 @@ from ecm.io.table import read_table
 from ecm.workflow.app.journal import DATA, History, Journal, Step, writing
 from ecm.workflow.app.steps import DEMO_FILES, PLAN, RIG, Files, command_of, way_out, write_demo
 
-TABLES = (".csv", ".parquet")
+TABLES = (".csv", ".parquet", ".pq")
 LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
 """Suffixes of files that `ecm import` makes a table of."""
 TRUTH = ".truth.json"
