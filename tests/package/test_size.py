@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_917, 200),
-    "benches": (5_911, 51),
+    "python/ecm": (41_672, 200),
+    "benches": (5_916, 51),
     "examples": (1_516, 13),
-    "tests": (32_039, 230),
+    "tests": (32_096, 230),
     "crates": (34_375, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
-that grows with its temperature, as an effect, in the rig, in a step and in exported C and Rust, and
-tables of any columns without a crash (python/ecm 140, crates 43), each with a test (tests 246)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise, of tests:
+a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading
+of a pose, units of pressure, and selections of tests that a page names (57 in all)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
