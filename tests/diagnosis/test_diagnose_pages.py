@@ -217,6 +217,16 @@ def test_a_base_that_too_few_rows_tell_asks_for_more_poses(told: dict[str, Told]
     assert Summary.of(few).next.startswith("measure more poses: on held-out rows physics errs 5.9")
 
 
+def test_a_name_whose_error_rises_on_held_out_rows_asks_for_more_poses(
+    told: dict[str, Told],
+) -> None:
+    few = told["named"].document | {"held_out": {"before": 3.8, "after": 22.9}}
+    said = Summary.of(few)
+    assert "too few for the error of physics to fall" in said.missing
+    assert "22.9" not in said.missing
+    assert said.next.startswith("measure more poses: these are too few")
+
+
 def test_without_details_three_lines_and_where_the_rest_is(
     tmp_path: Path, ecm_command: Callable[..., Done]
 ) -> None:

@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_672, 200),
+    "python/ecm": (41_677, 200),
     "benches": (5_916, 51),
     "examples": (1_516, 13),
-    "tests": (32_096, 230),
+    "tests": (32_104, 230),
     "crates": (34_375, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, of tests:
 a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading
-of a pose, units of pressure, and selections of tests that a page names (57 in all)."""
+of a pose, units of pressure, a name whose error does not fall, and selections of tests that a page
+names (65 in all)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

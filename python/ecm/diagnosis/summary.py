@@ -224,9 +224,12 @@ def _sized(item: Mapping[str, Any]) -> str:
 
 def _fall(document: Mapping[str, Any]) -> str:
     before, after = document["held_out"]["before"], document["held_out"]["after"]
+    base = document["model"]["base"]
+    if after > before:
+        return f"these rows are too few for the error of {base} to fall on others"
     if document["noise"].get("is_assumed"):
-        return f"error of {document['model']['base']} falls to {after / max(before, 1e-300):.0%}"
-    return f"error of {document['model']['base']} {before:.2f} -> {after:.2f} times the noise"
+        return f"error of {base} falls to {after / max(before, 1e-300):.0%}"
+    return f"error of {base} {before:.2f} -> {after:.2f} times the noise"
 
 
 def _error(errors: Mapping[str, Any]) -> str:
@@ -274,11 +277,13 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         family = document["family"]
         shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
         yield f"{family['experiment']} ({family['minutes']} min): shows {shows}"
+    before, after = document["held_out"]["before"], document["held_out"]["after"]
+    if document["answer"] and after > before:
+        yield "measure more poses: these are too few for the model and what it lacks together"
     yield from _told_apart(document)
     yield from _of_unknown(unknown)
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: the details list what these data cannot test"
-    before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         base = document["model"]["base"]
         yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"
