@@ -15,7 +15,7 @@ LIMITS = {
     "tests": (32_104, 230),
     "crates": (34_375, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise, of tests:
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise (tests):
 a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading
 of a pose, units of pressure, a name whose error does not fall, and selections of tests that a page
 names (65 in all)."""
