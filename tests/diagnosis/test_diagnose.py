@@ -108,7 +108,7 @@ def test_a_further_effect_that_makes_the_answer_unlikely_is_no_name(
     table = with_effect(campaign("payload", 1.0, 4), "temperature_modulus", [0.004])
     both = find_missing(model(), table)
     assert {members[0] for members in both.answer} == {"payload", "temperature_modulus"}
-    monkeypatch.setitem(WEIGHTS, "named", (3.0, 0.0, 0.0, 2.0, 0.0))
+    monkeypatch.setitem(WEIGHTS, "named", (3.0, 0.0, 2.0, 0.0))
     one = find_missing(model(), table)
     assert one.answer == (("payload",),)
     assert probability(both) < 0.5 < probability(one)

@@ -89,8 +89,8 @@ def test_along_one_loading_curve_the_order_of_the_rows_is_no_driver() -> None:
 
 
 def test_more_evidence_is_more_sure_and_more_members_less() -> None:
-    _, squares, members, share, left = WEIGHTS["named"]
-    assert min(squares, share) > 0.0 > max(members, left)
+    _, members, share, left = WEIGHTS["named"]
+    assert share > 0.0 > max(members, left)
     weak, strong = spring(more=0.0), memory()
     sure = [
         diagnose(ecm.fit_model(t, "linear"), t).to_dict()["probability"] for t in (weak, strong)

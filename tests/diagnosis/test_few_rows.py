@@ -269,6 +269,6 @@ def test_one_strong_term_of_a_higher_degree_is_no_kink_beside_an_effect(seed: in
 def test_a_name_that_is_less_likely_than_not_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     table = campaign("payload", 1.0, 4)
     assert find_missing(model(), table).answer == (("payload",),)
-    monkeypatch.setitem(WEIGHTS, "named", (-1.0, 0.0, 0.0, 0.0, 0.0))
+    monkeypatch.setitem(WEIGHTS, "named", (-1.0, 0.0, 0.0, 0.0))
     found = find_missing(model(), table)
     assert (found.verdict, found.answer) == ("unknown", ())

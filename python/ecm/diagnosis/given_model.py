@@ -316,9 +316,11 @@ class _Judged:
         """Return the whole answer."""
         result, table = self.result, self.decision.prepared.table
         answer, statement = self.with_table(self.answer)
-        again, effects = (
-            (self.refitted, self.of_fit(self.fits[1])) if self.missing else (None, None)
-        )
+        again, effects = None, None
+        if self.missing:
+            # The base is the same fit where it is of the same form and no row counts less in it.
+            same = self.is_form_of_base and self.reason != "rows"
+            again, effects = self.base if same else self.refitted, self.of_fit(self.fits[1])
         return GivenModel(
             name=self.model.name,
             answer=answer,
@@ -446,8 +448,7 @@ class _Judged:
     @cached_property
     def refitted(self) -> Errors | None:
         """Errors of its kind fitted to the rows."""
-        own = self.is_base or self.is_form_of_base
-        return self.base if own else self.of_fit(self.fits[0])
+        return self.base if self.is_base else self.of_fit(self.fits[0])
 
     @cached_property
     def fits_again(self) -> bool:

@@ -194,25 +194,26 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
         alone = total - delta_chi2(problem, others)
         if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
-        if others and alone < _least_explained(problem, item, others, total):
+        if others and explained_share(problem, item, others, total) < MATERIAL_SHARE:
             return False
     # What the forms of the model's own effects leave is no further cause.
     return not chosen or total >= ONE_CAUSE_SHARE * problem.held
 
 
-def _least_explained(
+def explained_share(
     problem: Problem, item: Candidate, others: Sequence[Candidate], total: float
 ) -> float:
-    """Return the delta chi² that an effect must have beside others, of `total` for all of them.
+    """Return the share of an effect in the delta chi² of all, `total`, beside the others.
 
     What the form of the others leaves does not follow a recorded column that none of them follows:
-    an effect of that column must explain its share of what they leave, however much they explain.
+    of an effect of that column it is the share in what they leave, however much they explain.
     """
+    known = delta_chi2(problem, others)
     column = getattr(item.effect, "column", None)
     if column and all(getattr(one.effect, "column", None) != column for one in others):
-        left = problem.squares_beside_base / problem.scale - delta_chi2(problem, others)
-        return MATERIAL_SHARE * left
-    return MATERIAL_SHARE * total
+        left = problem.squares_beside_base / problem.scale - known
+        return (total - known) / max(left, 1e-300)
+    return (total - known) / max(total, 1e-300)
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:

@@ -4,8 +4,8 @@ The chance of chance alone is far below 1e-6 for nearly every name; what makes n
 another cause looks alike, or that the truth is in no catalogue. So the probability is the share of
 right verdicts of the same evidence among sets whose cause is known (Platt 1999): logit P = w'x,
 
-    x = (1, log of the chi^2 that the weakest effect explains, members of the largest class,
-         log of its share in what all effects explain, log of the share that they leave)
+    x = (1, members of the largest class, log of the share of the weakest effect in what all effects
+         explain, those of the model too, log of the share that they leave)
 
 for a name or a class, x = (1, log odds of nothing in the posterior) for `none`, and x = (1) for
 `unknown` and a family. `benches/blind_calibration.py` fits w and prints how often verdicts of each
@@ -35,7 +35,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
-from ecm.diagnosis.search import Ranked, delta_chi2, without
+from ecm.diagnosis.search import Ranked, delta_chi2, explained_share, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -217,41 +217,49 @@ def _pattern_instead(
     return None if beside is None else pattern
 
 
-WEIGHTS = {"named": (0.28, 0.17, -0.55, 1.11, -0.53), "none": (2.61, 0.49), "unknown": (2.27,),
+WEIGHTS = {"named": (0.75, -0.5, 1.31, -0.75), "none": (2.61, 0.49), "unknown": (2.27,),
            "family": (0.75,)}  # fmt: skip
-"""w by verdict: of 624 names and classes of the seeds 101 to 103, 109 and 110, of `none` of 101 to
+"""w by verdict: of 636 names and classes of the seeds 101 to 103, 109 and 110, of `none` of 101 to
 103, of `unknown` and families of 106, 107; an `ambiguous` one is as a named one."""
 
 
 _AS_LIKELY = 0.5
 """Least probability of a name or class: below it the contrary is likelier."""
-_LEAST_LEFT = 0.003
-"""Share that names leave below which no less tells no more: the forms of right effects leave it."""
+_LEAST_LEFT, _CHANCE = 0.003, 5.0
+"""Share, and chi^2, that names leave below which less tells no more: form and chance leave them."""
 
 
-def _gains(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return the chi^2 that each effect explains beside the others."""
+def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
+    """Return the share of each effect in what all effects explain, those of the model too."""
     total = delta_chi2(problem, effects)
-    return [total - delta_chi2(problem, without(effects, item)) for item in effects]
+    held = total / max(total + problem.held, 1e-300)
+    return [
+        held * explained_share(problem, item, without(effects, item), total) for item in effects
+    ]
 
 
 def unlikely_effect(found: Decision) -> Candidate | None:
-    """Return the weakest of several effects with which the answer is less likely than not."""
+    """Return the weakest of several effects with which names are less likely than not.
+
+    Where more is left than names may leave, none is said.
+    """
     effects = found.accepted.effects
-    if len(effects) < 2 or probability(replace(found, verdict="named")) >= _AS_LIKELY:
+    if len(effects) < 2 or found.left.remains:
         return None
-    return effects[int(np.argmin(_gains(found.problem, effects)))]
+    if probability(replace(found, verdict="named")) >= _AS_LIKELY:
+        return None
+    return effects[int(np.argmin(_shares(found.problem, effects)))]
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     """Return the key in `WEIGHTS` and x of a verdict."""
     if decision.verdict in ("named", "ambiguous"):
         effects, classes = decision.accepted.effects, decision.accepted.classes
-        total = delta_chi2(decision.problem, effects)
-        weakest = max(1.0, min(_gains(decision.problem, effects)))
         members = float(max(len(one) for one in classes))
-        share, left = weakest / max(total, weakest), max(decision.left.share, _LEAST_LEFT)
-        return "named", (1.0, float(np.log(weakest)), members, *map(float, np.log([share, left])))
+        share = min(1.0, *_shares(decision.problem, effects))
+        chance = _CHANCE / max(delta_chi2(decision.problem, effects), _CHANCE)
+        left = max(decision.left.share, _LEAST_LEFT, chance)
+        return "named", (1.0, members, float(np.log(max(share, 1e-9))), float(np.log(left)))
     if decision.verdict == "none":
         nothing = decision.without_effects.of_nothing
         return "none", (1.0, float(np.clip(np.log(nothing / max(1.0 - nothing, 1e-9)), -5.0, 5.0)))
