@@ -5,7 +5,7 @@ another cause looks alike, or that the truth is in no catalogue. So the probabil
 right verdicts of the same evidence among sets whose cause is known (Platt 1999): logit P = w'x,
 
     x = (1, members of the largest class, log of the share of the weakest effect in what all effects
-         explain, those of the model too, log of the share that they leave)
+         explain and forms of the model's leave, log of the share that they leave)
 
 for a name or a class, x = (1, log odds of nothing in the posterior) for `none`, and x = (1) for
 `unknown` and a family. `benches/blind_calibration.py` fits w and prints how often verdicts of each
@@ -35,7 +35,13 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
-from ecm.diagnosis.search import Ranked, delta_chi2, explained_share, without
+from ecm.diagnosis.search import (
+    MATERIAL_SHARE,
+    Ranked,
+    delta_chi2,
+    explained_share,
+    without,
+)
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -230,12 +236,13 @@ _LEAST_LEFT, _CHANCE = 0.003, 5.0
 
 
 def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return the share of each effect in what all effects explain, those of the model too."""
+    """Return the share of each effect in what all explain, and forms of the model's effects leave.
+
+    Such a form leaves as much as a further effect must explain.
+    """
     total = delta_chi2(problem, effects)
-    held = total / max(total + problem.held, 1e-300)
-    return [
-        held * explained_share(problem, item, without(effects, item), total) for item in effects
-    ]
+    own = total / max(total + MATERIAL_SHARE * problem.held, 1e-300)
+    return [own * explained_share(problem, item, without(effects, item), total) for item in effects]
 
 
 def unlikely_effect(found: Decision) -> Candidate | None:
