@@ -210,7 +210,7 @@ def explained_share(
     """
     known = delta_chi2(problem, others)
     column = getattr(item.effect, "column", None)
-    if column and all(getattr(one.effect, "column", None) != column for one in others):
+    if others and column and column not in [getattr(one.effect, "column", "") for one in others]:
         left = problem.squares_beside_base / problem.scale - known
         return (total - known) / max(left, 1e-300)
     return (total - known) / max(total, 1e-300)
