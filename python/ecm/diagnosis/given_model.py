@@ -159,8 +159,8 @@ class Errors:
             return f"{sized}, {100.0 * self.of_spread:.2g} % of the spread"
         return f"{self.over_noise:.3g} times the noise ({sized})"
 
-    def of_fit(self) -> str:
-        """Return the error of a fit to these rows, which is that of rows held out of it."""
+    def on_held_out_rows(self) -> str:
+        """Return the error of a fit to these rows in words."""
         if self.of_spread is not None:
             return str(self)
         return f"{self.over_noise:.3g} times the noise on held-out rows"
@@ -226,7 +226,7 @@ class GivenModel:
         if not self.is_base:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
-            text += f"; names are against {other}, which errs {self.base_errors.of_fit()}"
+            text += f"; names are against {other}, which errs {self.base_errors.on_held_out_rows()}"
         if self.statement is not None:
             return f"{text}. The table looks misread: {self.statement.sentence()}."
         return f"{text}.{self._advice()}"
@@ -245,7 +245,7 @@ class GivenModel:
                 "Change the model first.",
                 "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
             }[self.answer]
-        again = f"it errs {self.refitted.of_fit()}"
+        again = f"it errs {self.refitted.on_held_out_rows()}"
         if self.reason == "rows":
             return (
                 " In the base rows that are unlike all others count less: look at them (ecm "

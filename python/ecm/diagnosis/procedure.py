@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -122,16 +123,18 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
     if not isinstance(base, PolynomialMap) or not decision.answer:
         return None
     measured, effects = problem.table.measured(), decision.accepted.effects
-    beside = {(), *(without(effects, item) for item in effects)}
+    beside = dict.fromkeys([(), *(without(effects, item) for item in effects)])
+    tried: list[StiffnessMap] = []
+    with suppress(ModelError, InputError):  # fewer rows than coefficients
+        for degree in (base.model.degree + 1, base.model.degree + 2):
+            tried.append(fit_rows(measured, PolynomialModel(degree)).base)
     best, least = None, _error_left(decision)
-    for degree in (base.model.degree + 1, base.model.degree + 2):
-        for kept in beside:
-            with suppress(ModelError, InputError):  # fewer rows than coefficients
-                richer = fit_rows(measured, PolynomialModel(degree)).base
-                fitted = len(richer.coefficients) + sum(item.parameters for item in kept)
-                error = _error(problem, problem.fit_with(kept, richer).whitened, fitted)
-                if error < least:
-                    best, least = richer, error
+    for richer, kept in product(tried, beside):
+        with suppress(ModelError, InputError):  # base and effects run away from the rows
+            fitted = len(richer.coefficients) + sum(item.parameters for item in kept)
+            error = _error(problem, problem.fit_with(kept, richer).whitened, fitted)
+            if error < least:
+                best, least = richer, error
     return best
 
 

@@ -187,28 +187,26 @@ def delta_bic_of_each(
 
 def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     """Whether each effect of a set is needed, by BIC and by its share of what is explained."""
-    settings = problem.settings
     total = delta_chi2(problem, chosen)
     for item in chosen:
         others = without(chosen, item)
-        alone = total - delta_chi2(problem, others)
-        if alone - item.parameters * np.log(problem.size) < settings.least_bic:
+        known = delta_chi2(problem, others)
+        if total - known - item.parameters * np.log(problem.size) < problem.settings.least_bic:
             return False
-        if others and explained_share(problem, item, others, total) < MATERIAL_SHARE:
+        if others and explained_share(problem, item, others, known, total) < MATERIAL_SHARE:
             return False
     # What the forms of the model's own effects leave is no further cause.
     return not chosen or total >= ONE_CAUSE_SHARE * problem.held
 
 
 def explained_share(
-    problem: Problem, item: Candidate, others: Sequence[Candidate], total: float
+    problem: Problem, item: Candidate, others: Sequence[Candidate], known: float, total: float
 ) -> float:
-    """Return the share of an effect in the delta chi² of all, `total`, beside the others.
+    """Return the share of an effect in the delta chi² of all, `total`; `known` is of the others.
 
     What the form of the others leaves does not follow a recorded column that none of them follows:
     of an effect of that column it is the share in what they leave, however much they explain.
     """
-    known = delta_chi2(problem, others)
     column = getattr(item.effect, "column", None)
     if others and column and column not in [getattr(one.effect, "column", "") for one in others]:
         left = problem.squares_beside_base / problem.scale - known

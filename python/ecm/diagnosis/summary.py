@@ -222,10 +222,15 @@ def _sized(item: Mapping[str, Any]) -> str:
     return f"{item['id']} ({words}), {name} {size}"
 
 
+def _too_few(document: Mapping[str, Any]) -> bool:
+    """Whether the rows are too few for base and effects: the error on held-out ones rises."""
+    return bool(document["held_out"]["after"] > document["held_out"]["before"])
+
+
 def _fall(document: Mapping[str, Any]) -> str:
     before, after = document["held_out"]["before"], document["held_out"]["after"]
     base = document["model"]["base"]
-    if after > before:
+    if _too_few(document):
         return f"these rows are too few for the error of {base} to fall on others"
     if document["noise"].get("is_assumed"):
         return f"error of {base} falls to {after / max(before, 1e-300):.0%}"
@@ -246,11 +251,8 @@ def _add(document: Mapping[str, Any]) -> str:
         command = _command(addition["remedy"]) or _NOTHING
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
-        before, after = addition["held_out"]["before"], addition["held_out"]["after"]
-        brings, model = "", document["model"]
-        if after is not None and model["name"] != model["base"]:  # the first line says it of that
-            brings = f"   (this model {before:.2f} -> {after:.2f} times the noise)"
-        return f"{command}{brings}"
+        brings = _fall_of_model(document)
+        return f"{command}   (this model {brings})" if brings else command
     if document["verdict"] in ("named", "ambiguous") and not without_inputs:
         return "nothing: the model has it already; refit it to these rows"
     if (remedy := document["model"].get("remedy")) is not None:
@@ -258,6 +260,14 @@ def _add(document: Mapping[str, Any]) -> str:
     if (document["unknown"] or {}).get("skeleton"):
         return "an effect of your own: the details have a draft of it"
     return _NOTHING
+
+
+def _fall_of_model(document: Mapping[str, Any]) -> str:
+    """The fall of the given model's error by the effects; empty of the base, said elsewhere."""
+    before, after = (document["addition"]["held_out"][key] for key in ("before", "after"))
+    if after is None or document["model"]["name"] == document["model"]["base"]:
+        return ""
+    return f"{before:.2f} -> {after:.2f} times the noise"
 
 
 def _command(remedy: Mapping[str, Any] | None) -> str:
@@ -277,13 +287,13 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         family = document["family"]
         shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
         yield f"{family['experiment']} ({family['minutes']} min): shows {shows}"
-    before, after = document["held_out"]["before"], document["held_out"]["after"]
-    if document["answer"] and after > before:
+    if document["answer"] and _too_few(document):
         yield "measure more poses: these are too few for the model and what it lacks together"
     yield from _told_apart(document)
     yield from _of_unknown(unknown)
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: the details list what these data cannot test"
+    before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         base = document["model"]["base"]
         yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"
@@ -399,16 +409,14 @@ def verdict_blocks(document: Mapping[str, Any]) -> list[Block]:
 
 def _addition(document: Mapping[str, Any]) -> list[Block]:
     """What adding the effects to the given model brings, and the command."""
-    addition, model = document.get("addition"), document["model"]
+    addition = document.get("addition")
     if addition is None:
         return []
-    names, held_out = " and ".join(addition["effects"]), addition["held_out"]
-    text = f"Add it: {names}"
+    text = f"Add it: {' and '.join(addition['effects'])}"
     if addition["refused"]:
         text += f" cannot be added to this model: {addition['refused']}"
-    elif held_out["after"] is not None and model["name"] != model["base"]:
-        text += f"; this model's held-out error {held_out['before']:.2f} -> "
-        text += f"{held_out['after']:.2f} times the noise"
+    elif brings := _fall_of_model(document):
+        text += f"; this model's held-out error {brings}"
     if addition["remedy"] is None:
         return [TextBlock(f"{text.rstrip('.')}.")]
     remedy = Remedy(**addition["remedy"])

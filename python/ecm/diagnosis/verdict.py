@@ -35,13 +35,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
-from ecm.diagnosis.search import (
-    MATERIAL_SHARE,
-    Ranked,
-    delta_chi2,
-    explained_share,
-    without,
-)
+from ecm.diagnosis.search import MATERIAL_SHARE, Ranked, delta_chi2, explained_share, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -242,7 +236,11 @@ def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
     """
     total = delta_chi2(problem, effects)
     own = total / max(total + MATERIAL_SHARE * problem.held, 1e-300)
-    return [own * explained_share(problem, item, without(effects, item), total) for item in effects]
+    beside = [(item, without(effects, item)) for item in effects]
+    return [
+        own * explained_share(problem, item, others, delta_chi2(problem, others), total)
+        for item, others in beside
+    ]
 
 
 def unlikely_effect(found: Decision) -> Candidate | None:
@@ -251,9 +249,8 @@ def unlikely_effect(found: Decision) -> Candidate | None:
     Where more is left than names may leave, none is said.
     """
     effects = found.accepted.effects
-    if len(effects) < 2 or found.left.remains:
-        return None
-    if probability(replace(found, verdict="named")) >= _AS_LIKELY:
+    several = len(effects) > 1 and not found.left.remains
+    if not several or probability(replace(found, verdict="named")) >= _AS_LIKELY:
         return None
     return effects[int(np.argmin(_shares(found.problem, effects)))]
 
