@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -491,15 +491,15 @@ def abscissa(shown: Shown, left: F, output: str) -> tuple[F, str]:
     return np.rad2deg(at), f"{POSE[partner][:-4]} [deg]"
 
 
-def pages() -> dict[str, str]:
-    """Every page by its name in docs/effects."""
-    return {"index.md": index()} | {f"{group}.md": page_of(group) for group in GROUPS}
+def pages() -> dict[str, Callable[[], str]]:
+    """What writes each page, by the page's name in docs/effects."""
+    return {"index.md": index} | {f"{group}.md": partial(page_of, group) for group in GROUPS}
 
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for name, written_text in pages().items():
-        (FOLDER / name).write_text(written_text, encoding="utf-8")
+    for name, text_of in pages().items():
+        (FOLDER / name).write_text(text_of(), encoding="utf-8")
     if "--pictures" in sys.argv:
         for group in GROUPS:
             try:

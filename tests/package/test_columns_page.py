@@ -18,11 +18,11 @@ WRITER, EFFECTS, WORDS = (
     runpy.run_path(str(DOCS / f"{name}.py")) for name in ("columns", "effects_pages", "page_words")
 )
 WRITTEN = {
-    DOCS / "columns.md": WRITER["page"](),
-    WORDS["WORDS"]: WORDS["page"](),
-    **{DOCS / "effects" / name: text for name, text in EFFECTS["pages"]().items()},
+    DOCS / "columns.md": WRITER["page"],
+    WORDS["WORDS"]: WORDS["page"],
+    **{DOCS / "effects" / name: page for name, page in EFFECTS["pages"]().items()},
 }
-"""What the scripts of docs/ write, by the file that is in the repository."""
+"""What writes each page of the scripts of docs/, by the file that is in the repository."""
 
 
 def test_every_standard_column_is_in_the_guide_once() -> None:
@@ -34,14 +34,14 @@ def test_every_standard_column_is_in_the_guide_once() -> None:
 
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
 def test_a_page_is_the_one_that_the_code_writes(path: Path) -> None:
-    assert path.read_text(encoding="utf-8") == WRITTEN[path], "see docs/: columns.py and others"
+    assert path.read_text(encoding="utf-8") == WRITTEN[path](), "see docs/: columns.py and others"
 
 
 def test_every_effect_has_a_picture_or_its_page_says_why_not() -> None:
     effects = [(g, e) for g in EFFECTS["GROUPS"] for e in EFFECTS["family"](g)[1]]
     none = [(group, effect.id) for group, effect in effects if EFFECTS["drawn"](effect) is None]
     assert none == [("noise", "outliers")]
-    page = WRITTEN[DOCS / "effects" / "noise.md"]
+    page = WRITTEN[DOCS / "effects" / "noise.md"]()
     assert page.count("No picture: it leaves no curve.") == 1
     assert all((DOCS / "effects" / f"{group}.png").exists() for group, _ in effects)
 

@@ -55,9 +55,9 @@ X = np.linspace(-0.01, 0.01, 21)
 COLUMNS = {"x_m": X, "fx_N": 2000.0 * X + 0.01 * np.sin(1e5 * X)}
 TABLE = ecm.as_table(COLUMNS)
 MODEL = ecm.fit(TABLE, "linear")
-POSES = np.random.default_rng(0).uniform(-0.01, 0.01, (40, 6))
+POSES = np.random.default_rng(0).uniform(-0.01, 0.01, (14, 6))
 CANDIDATES = ecm.as_table(dict(zip(POSE, POSES.T, strict=True)))
-LINEAR = ecm.DesignSettings(model="linear")
+LINEAR = ecm.DesignSettings(model="linear", iterations=5)
 CHOSEN = ecm.optimal_design(POSES, 12, LINEAR)
 
 
