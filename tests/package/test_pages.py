@@ -61,16 +61,8 @@ def test_the_readme_runs_but_for_the_two_commands_of_make(
 OF_RECORDS = ("measure.md", "verdict.md")
 """Pages whose numbers are those of the benchmarks' records, beside a few that blocks print."""
 GIVEN = {
-    "README.md": {
-        "1.89",
-        "3.10",
-        "3.11",
-        "7.3",
-        "18",
-        "58",
-        "60",
-        "126",
-    },  # versions, times, a download
+    # Versions, times, a download.
+    "README.md": {"1.89", "3.10", "3.11", "7.3", "18", "58", "60", "126"},
     "choose_a_model.md": {"0.49", "11"},
     "designs.md": {"100", "200"},
     "first_rig.md": {"0.118", "120"},
