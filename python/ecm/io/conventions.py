@@ -341,6 +341,8 @@ _MOST_ERROR = 0.2
 """Largest error over the loads at which an energy counts as fitting."""
 _EQUAL = 1.5
 """Conventions that leave up to so many times the least error are said as well."""
+_EACH, _ROUNDING = 5, 1e-6
+"""One row in so many tells that an error is far too large, if it is by more than this."""
 _MOST_SAID = 3
 
 
@@ -452,6 +454,9 @@ def wrong_convention(table: Table, *, refuse: bool = False) -> WrongConvention |
     return found
 
 
+_Errors = Sequence[tuple[Convention, float]]
+
+
 class _Elastic:
     """The rows of a table, and how well each convention of them is that of an elastic body."""
 
@@ -483,16 +488,14 @@ class _Elastic:
         """Return what looks wrong; None where nothing does."""
         falling = falling_loads(self.poses, self.wrench, self.there)
         if self.energies:
-            proven = self.proven(self.of_columns, tuple(self.energies), falling, decided=True)
-            if proven is not None:
+            if proven := self.proven(self.of_columns, [*self.energies], falling, decided=True):
                 return proven
             if self.there.all() and self.is_doubtful():
                 # Without a length the axis may be any: then only what holds for any body counts.
                 kinds = [k for k in self.energies if self.stated_length_m or k[0] == "general"]
                 # What falls is wrong; another origin or rotation may be the user's choice.
                 every = list(conventions(self.stated_length_m))
-                proven = self.proven(every, kinds, falling, decided=bool(falling))
-                if proven is not None:
+                if proven := self.proven(every, kinds, falling, decided=bool(falling)):
                     return proven
         return self.either_or(falling) if falling else None
 
@@ -506,9 +509,12 @@ class _Elastic:
         return {kind: error for kind in _ENERGIES for _, error in self.errors(kind, as_stated)}
 
     def errors(
-        self, kind: _Kind, items: Iterable[Convention]
+        self, kind: _Kind, items: Iterable[Convention], most: float = np.inf
     ) -> Iterator[tuple[Convention, float]]:
-        """Yield conventions and the error of an energy fitted to each, where the rows can tell."""
+        """Yield conventions and the error of an energy fitted to each, where the rows can tell.
+
+        One that surely errs more than `most` may be left out.
+        """
         as_stated = self.basis(kind, self.poses)
         for item in items:
             try:
@@ -520,7 +526,8 @@ class _Elastic:
                 loads = wrench[:, self.there[6:]]
                 size = _rms(loads)
                 z = (basis[:, self.there[6:]] / size[:, None]).reshape(loads.size, -1)
-                yield item, _rms_left(z, (loads / size).ravel())
+                if not _surely_leaves(z, y := (loads / size).ravel(), most):
+                    yield item, _rms_left(z, y)
 
     def basis(self, kind: _Kind, poses: F) -> F | None:
         """Return (N, 6, k) of an energy's terms; None where the rows cannot tell them."""
@@ -562,23 +569,25 @@ class _Elastic:
     ) -> WrongConvention | None:
         """Return the conventions with which an energy fits far better, and nothing falls."""
         told = [item for item in items if not item.of_pose_unit]
+        stated = min(self.energies.values())
+        most = min(_MOST_ERROR, _MENDED * stated)
         best: tuple[float, list[Convention]] = (np.inf, [])
         for kind in kinds:
-            left = list(self.errors(kind, told))
-            best = min(best, self.right(left), key=lambda pair: pair[0])
+            left = list(self.errors(kind, told, _EQUAL * most))
+            best = min(best, self.right(left, most), key=lambda pair: pair[0])
         least, right = best
-        stated = min(self.energies.values())
-        if least > min(_MOST_ERROR, _MENDED * stated):
-            return None
-        return self.said(right, falling, decided, (stated, least))
+        return None if least > most else self.said(right, falling, decided, (stated, least))
 
-    def right(self, left: Sequence[tuple[Convention, float]]) -> tuple[float, list[Convention]]:
-        """Return the least error of a convention with which nothing falls, and those of it."""
+    def right(self, left: _Errors, most: float) -> tuple[float, list[Convention]]:
+        """Return the least error of a convention with which nothing falls, and those of it.
+
+        Of errors above `most` any may be returned.
+        """
         least = np.inf
         kept: list[int] = []
         for place in np.argsort([error for _, error in left], kind="stable").tolist():
             item, error = left[place]
-            if error > _EQUAL * least:
+            if error > _EQUAL * min(least, most):
                 break
             if self.is_right(item):
                 least = min(least, error)
@@ -593,17 +602,15 @@ class _Elastic:
         poses, wrench = item.change(self.poses, self.wrench)
         stated, mean = self.poses[:, 0].mean(), poses[:, 0].mean()
         known = self.there[0] and abs(stated) > np.ptp(self.poses[:, 0])
-        if known and mean < 0.0 < max(stated, self.stated_length_m or 0.0):
-            return False
-        return not falling_loads(poses, wrench, self.there)
+        behind = known and mean < 0.0 < max(stated, self.stated_length_m or 0.0)
+        return not behind and not falling_loads(poses, wrench, self.there)
 
     def either_or(self, falling: Sequence[str]) -> WrongConvention:
         """Return which sign would mend it, where the mechanism may also be one that is driven."""
         kind = next(iter(self.energies), None)
-        left: Iterable[tuple[Convention, float]] = ((item, 0.0) for item in self.of_columns)
-        most = np.inf
-        if kind is not None:
-            left, most = self.errors(kind, self.of_columns), _EQUAL * self.energies[kind]
+        most = np.inf if kind is None else _EQUAL * self.energies[kind]
+        any_sign = ((item, 0.0) for item in self.of_columns)
+        left = any_sign if kind is None else self.errors(kind, self.of_columns, most)
         mending = [item for item, error in left if error <= most and self.is_right(item)]
         whole = [item for item in mending if item.words == WRENCH_REVERSED]
         of_sign = [item for item in mending if all(factor < 0.0 for *_, factor in item.columns)]
@@ -653,6 +660,17 @@ def entries_of(table: Table, columns: Columns) -> tuple[str, ...]:
     return tuple(entries)
 
 
+def _surely_leaves(z: F, y: F, most: float) -> bool:
+    """Whether the rms of what columns leave of numbers (r,) is above this; not always seen.
+
+    No fit to all rows leaves less of some of them than a fit to these alone, which takes a tenth of
+    the time: the last number of its R is the root of the squares that it leaves.
+    """
+    root = np.asarray(np.linalg.qr(np.column_stack([z[::_EACH], y[::_EACH]]), mode="r"))
+    left = abs(root[-1, -1]) if len(root) == root.shape[1] else 0.0
+    return bool(most + _ROUNDING < left / np.sqrt(len(z) - z.shape[1]) < np.inf)
+
+
 def _rms_left(z: F, y: F) -> float:
     """Return the rms of what columns leave of numbers, by the degrees of freedom."""
     freedom = (len(y) - z.shape[1]) * y.size // len(y)
@@ -697,8 +715,6 @@ def falling_loads(poses: F, wrench: F, there: B) -> tuple[str, ...]:
     _, w, at = np.linalg.svd(others) if len(others) else (None, np.zeros(0), np.eye(taken.sum()))
     free = at[int((w > 1e-9).sum()) :]
     directions = vt[taken].T[own] @ free.T  # (both, d)
-    if directions.shape[1] == 0:
-        return ()
     matrix = directions.T @ slope[own] @ directions
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     names = [name for name, is_both in zip(WRENCH, both, strict=True) if is_both]
