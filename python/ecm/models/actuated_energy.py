@@ -117,7 +117,9 @@ def exponents(degree: int) -> I:
 
 def _monomials(q: F, powers: I) -> F:
     """(N, k) values of the monomials at q (N, 6)."""
-    return np.asarray(np.prod(q[:, None, :] ** powers[None], axis=2))
+    # Each coordinate to each power once: a monomial takes its six from them.
+    factors = (q[..., None] ** np.arange(powers.max() + 1))[:, range(6), powers]
+    return np.ascontiguousarray(np.prod(factors, axis=2))
 
 
 def _elements(kinds: tuple[str, ...], body: Symmetry) -> list[tuple[F, tuple[int, ...]]]:
@@ -199,8 +201,8 @@ def _action(matrix: F, powers: I) -> F:
     for degree in np.unique(degrees):
         own = np.flatnonzero(degrees == degree)
         q = random.uniform(-1.0, 1.0, (2 * len(own) + 10, 6))
-        there = _monomials(q @ matrix, powers[own])  # the transpose is the inverse
-        block = lstsq(_monomials(q, powers[own]), there)
+        # The transpose is the inverse.
+        block = lstsq(_monomials(q, powers[own]), _monomials(q @ matrix, powers[own]))
         action[np.ix_(own, own)] = np.where(np.abs(block) > 1e-9, block, 0.0)
     return action
 
