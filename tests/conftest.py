@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from ecm.cli import run
+from ecm.designs import DesignSettings
 from ecm.io.cache import hash_of
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
@@ -143,6 +144,8 @@ def blind_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         for name, count in (("POSES", 45), ("VISITS", 120), ("PAPER_POSES", 60)):
             patch.setattr(f"blind_parts.plans.{name}", count)
+        # The search finds the same poses long before the limit of the default.
+        patch.setattr("blind_parts.plans.DesignSettings", partial(DesignSettings, iterations=600))
         yield tmp_path_factory.mktemp("blind")
 
 
