@@ -45,7 +45,6 @@ from ecm.io.arrays import F, rest_of
 from ecm.models.joint_fit import JointFit
 from ecm.regression.normal_equations import (
     RIDGE,
-    explained_squares,
     explained_with_signs,
     in_threads,
     projected_out,
@@ -227,7 +226,7 @@ class _Chosen:
         fit = bounded_estimate(self.problem, self.chosen, (self.item,))
         if not fit.at_bound.any():
             return True, 1.0
-        before = explained_squares(*self.problem.equations, self.problem.base_index)
+        before = self.problem.explained(self.problem.base_index)
         gained = fit.explained - (before + delta_chi2(self.problem, self.others))
         return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
 
@@ -329,14 +328,17 @@ def confusion_class(
 
 def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
     """Return the pairs of testable effects of which one imitates every direction of the other."""
+    first = {c.id: c.columns for c in reversed(problem.candidates)}
+    every = [column for id in problem.ids for column in first[id]]
+    columns = {id: [every.index(column) for column in first[id]] for id in problem.ids}
+    # What the base leaves of the columns of these shapes alone.
     matrix, vector = projected_out(*problem.equations, problem.base_index)
-    first = {c.id: c for c in reversed(problem.candidates)}
-    columns = {id: np.asarray(first[id].columns, dtype=np.int64) for id in problem.ids}
+    matrix, vector = matrix[np.ix_(every, every)], vector[every]
     own = np.maximum(np.diag(matrix), 0.0)
     shares: dict[tuple[str, str], float] = {}
-    for rival in columns:
-        # What the base leaves of every column, and what of that this effect leaves.
-        rest, _ = projected_out(matrix, vector, first[rival].columns)
+    for rival, taken in columns.items():
+        # And what of that this effect leaves.
+        rest, _ = projected_out(matrix, vector, taken)
         left = np.clip(np.diag(rest), 0.0, own)
         for id, other in columns.items():
             total = float(own[other].sum())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import compress
 from typing import Any, TypeVar, cast
 
@@ -431,12 +431,12 @@ class Candidate:
     effect: Effect
     columns: tuple[int, ...]
 
-    @property
+    @cached_property
     def id(self) -> str:
         """The effect's id."""
         return self.effect.id
 
-    @property
+    @cached_property
     def parameters(self) -> int:
         """Number of fitted values; the choice of the shape is not counted."""
         return len(self.columns)
@@ -571,7 +571,21 @@ class Problem:
 
     def without_effect(self, id: str) -> Problem:
         """Return the problem in which an effect is no candidate."""
-        return replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
+        fewer = replace(self, candidates=tuple(c for c in self.candidates if c.id != id))
+        # The rows are the same, and so is all that columns explain; not what is asked of fewer.
+        known = {"equations": self.equations, "explained": self.explained}
+        vars(fewer).update(known, gains=dict(self.gains))
+        return fewer
+
+    @cached_property
+    def explained(self) -> Callable[[tuple[int, ...]], float]:
+        """Squares that columns explain, over the noise scale; a search asks for the same often."""
+        return cache(partial(explained_squares, *self.equations))
+
+    @cached_property
+    def gains(self) -> dict[tuple[int, ...], F]:
+        """Chosen columns -> (K,) what each effect explains beside them, at its first column."""
+        return {}
 
     @cached_property
     def signs(self) -> F:

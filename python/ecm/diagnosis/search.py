@@ -12,16 +12,11 @@ import scipy
 from scipy import special
 from scipy.optimize import lsq_linear
 
-from ecm.diagnosis.problem import Candidate, Problem, best_of_each, with_more
+from ecm.diagnosis.problem import Candidate, Problem, with_more
 from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
-from ecm.regression.normal_equations import (
-    explained_by_blocks,
-    explained_squares,
-    projected_out,
-    solve,
-)
+from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
 
 MATERIAL_SHARE = 0.1
 """Share of all that is explained that each further effect must explain: what the form of a first
@@ -113,17 +108,20 @@ def delta_chi2_of_each(
     problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
 ) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
-    left = projected_out(*problem.equations, problem.columns_of(chosen))
-    return explained_by_blocks(
-        problem.equations, left, [candidate.columns for candidate in candidates], problem.signs
-    )
+    columns = problem.columns_of(chosen)
+    if columns not in problem.gains:
+        present = {item.id for item in chosen}
+        blocks = [c.columns for c in problem.offered if c.id not in present]
+        left = projected_out(*problem.equations, columns)
+        gains = explained_by_blocks(problem.equations, left, blocks, problem.signs)
+        problem.gains[columns] = np.full(len(problem.signs), np.nan)
+        problem.gains[columns][[block[0] for block in blocks]] = gains
+    return problem.gains[columns][[candidate.columns[0] for candidate in candidates]]
 
 
 def delta_chi2(problem: Problem, chosen: Sequence[Candidate]) -> float:
     """Return what the chosen effects explain beyond the base."""
-    return explained_squares(*problem.equations, problem.columns_of(chosen)) - explained_squares(
-        *problem.equations, problem.base_index
-    )
+    return problem.explained(problem.columns_of(chosen)) - problem.explained(problem.base_index)
 
 
 def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
@@ -143,14 +141,13 @@ def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
     """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
     present = {item.id for item in chosen}
     tried = [c for c in problem.candidates if c.id not in present]
-    drops = delta_chi2_of_each(problem, chosen, tried).tolist()
     penalty = float(np.log(problem.size))
-    ranked = [
-        Ranked(c, drop, np.nan, drop - c.parameters * penalty)
-        for c, drop in zip(tried, drops, strict=True)
-    ]
-    best = best_of_each(ranked, [one.delta_bic for one in ranked])
-    return sorted((one for _, one in best.values()), key=lambda one: -one.delta_bic)
+    best: dict[str, Ranked] = {}
+    for c, drop in zip(tried, delta_chi2_of_each(problem, chosen, tried).tolist(), strict=True):
+        bic = drop - c.parameters * penalty
+        if c.id not in best or bic > best[c.id].delta_bic:
+            best[c.id] = Ranked(c, drop, np.nan, bic)
+    return sorted(best.values(), key=lambda one: -one.delta_bic)
 
 
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
@@ -260,16 +257,12 @@ def _best_of(
 
 def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
     """Whether each of a set is needed and has an allowed value, and a pair beats any single one."""
+    if not all_needed(problem, chosen):
+        return False
     fit = estimate(problem, chosen)
-    return (
-        all_needed(problem, chosen)
-        and all(
-            item.effect.parameters[0].allows(float(fit.of(item)[0]))
-            for item in chosen
-            if len(item.columns) == 1
-        )
-        and (len(chosen) != 2 or _beyond_one(problem, chosen))
-    )
+    single = [item for item in chosen if len(item.columns) == 1]
+    allowed = all(item.effect.parameters[0].allows(float(fit.of(item)[0])) for item in single)
+    return allowed and (len(chosen) != 2 or _beyond_one(problem, chosen))
 
 
 def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:

@@ -40,18 +40,10 @@ def values_before(table: Table, names: Sequence[str], rest: F) -> F:
     values = table.matrix(names)
     if not table.has("approach"):
         return before_each(values, row_before(table, table.text("kind") != "unloaded"))
-    before = np.full_like(values, np.nan)
-    approach = table.text("approach")
-    named = _mean_values(table, values)
-    kind = table.text("kind")
-    for i, name in enumerate(approach):
-        if kind[i] not in ("", "pose"):
-            continue
-        if name == "initial":
-            before[i] = rest
-        elif name in named:
-            before[i] = named[name]
-    return before
+    known = _mean_values(table, values) | {"initial": rest}
+    kinds = np.where(np.isin(table.text("kind"), ("", "pose")), table.text("approach"), None)
+    unknown = np.full(values.shape[1], np.nan)
+    return np.array([known.get(name, unknown) for name in kinds]).reshape(values.shape)
 
 
 def row_before(table: Table, among: B | None = None) -> I:

@@ -18,6 +18,7 @@ import numpy as np
 from ecm.comparison.comparison import compare
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble, best_of_each
+from ecm.diagnosis.search import delta_chi2_of_each
 from ecm.effects import load_installed
 from ecm.errors import ComputationError
 from ecm.io.arrays import F, I, evenly
@@ -30,7 +31,7 @@ from ecm.models.errors import error_over
 from ecm.models.fit import choose_base
 from ecm.models.maps import StiffnessMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.normal_equations import RIDGE, explained_by_blocks, projected_out
+from ecm.regression.normal_equations import RIDGE, projected_out
 from ecm.regression.rows import actuators_of
 from ecm.report.figures import some_rows, view_of
 from ecm.workflow.app.journal import History, Step
@@ -161,9 +162,7 @@ def linear_problem(
     problem = assemble(base, prepared.unexplained, tried)
 
     def best(candidates: list[Candidate], beside: Sequence[Candidate]) -> list[Candidate]:
-        left = projected_out(*problem.equations, problem.columns_of(beside))
-        blocks = [item.columns for item in candidates]
-        gains = explained_by_blocks(problem.equations, left, blocks, problem.signs).tolist()
+        gains = delta_chi2_of_each(problem, beside, candidates).tolist()
         found = best_of_each(candidates, gains).values()
         return [item for _, item in sorted(found, key=lambda of: -of[0])]
 
