@@ -23,34 +23,33 @@ def problem() -> Problem:
     return assemble(choose_base(model(), table), table, all_effects(), None)
 
 
-def one_by_one(problem: Problem, others: list[Candidate], seed: int) -> dict[str, float]:
-    """The same from the whole normal equations of each draw."""
+def one_by_one(problem: Problem, sets: list[list[Candidate]], seed: int) -> list[dict[str, float]]:
+    """The same beside each set of others, from the whole normal equations of each draw."""
     count = len(problem.normal.squares)
     draws = np.random.default_rng([seed, 5]).multinomial(
         count, np.full(count, 1.0 / count), size=DRAWS
     )
-    won: dict[str, float] = {}
+    won: list[dict[str, float]] = [{} for _ in sets]
     for weights in draws.astype(np.float64):
         each = np.repeat(weights, np.diff(problem.normal.bounds))
         rows = each[:, None] * problem.normal.rows
         matrix = rows.T @ problem.normal.rows + np.diag(problem.normal.precision)
         vector = problem.normal.response @ rows
-        reduced = (matrix / problem.scale, vector / problem.scale)
-        found = best_shapes(replace(problem, reduced=reduced), others)
-        first = found[0]
-        if first.delta_bic > 0.0:
-            won[first.id] = won.get(first.id, 0.0) + 1.0 / DRAWS
+        drawn = replace(problem, reduced=(matrix / problem.scale, vector / problem.scale))
+        for wins, others in zip(won, sets, strict=True):
+            first = best_shapes(drawn, others)[0]
+            if first.delta_bic > 0.0:
+                wins[first.id] = wins.get(first.id, 0.0) + 1.0 / DRAWS
     return won
 
 
 def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
     first = rank(problem)[0].candidate
-    winners = []
-    for others in ([], [first]):
+    winners, sets = [], [[], [first]]
+    for others, expected in zip(sets, one_by_one(problem, sets, 3), strict=True):
         present = {other.id for other in others}
         ids = {c.id for c in problem.candidates} - present
         found = selection_shares(problem, others, ids, 3, DRAWS)
-        expected = one_by_one(problem, others, 3)
         assert found == pytest.approx(expected, rel=1e-9)
         winners.append(len(expected))
     assert winners[0] > 2
