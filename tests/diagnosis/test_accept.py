@@ -108,6 +108,7 @@ def test_what_fails_by_itself_is_dropped_without_bootstraps(
         return selection_shares(problem, others, *more)
 
     monkeypatch.setattr(accept_module, "selection_shares", counted)
+    rank(problem.without_effect("temperature_modulus"))  # what fewer effects explain is not all
     accepted = accept_module.accept(problem, [one.candidate for one in rank(problem)])
     assert [item.id for item in accepted.effects] == ["temperature_modulus"]
     assert beside == [0]

@@ -47,8 +47,7 @@ def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
     first = rank(problem)[0].candidate
     winners, sets = [], [[], [first]]
     for others, expected in zip(sets, one_by_one(problem, sets, 3), strict=True):
-        present = {other.id for other in others}
-        ids = {c.id for c in problem.candidates} - present
+        ids = {c.id for c in problem.candidates} - {other.id for other in others}
         found = selection_shares(problem, others, ids, 3, DRAWS)
         assert found == pytest.approx(expected, rel=1e-9)
         winners.append(len(expected))
