@@ -58,16 +58,16 @@ def identify_with_kept_fem(config: Path, out: Path, *options: str) -> None:
         unfinished.rename(kept)
 
 
-def copy_fem(job: Path, other: Path, share: float = 1.0) -> None:
+def copy_fem(job: Path, other: Path, without: int = 0) -> None:
     """Copy the FEM cases that a job has solved, and the poses of its campaigns, to another job."""
-    copy_cases(job, other / "stages", share)
+    copy_cases(job, other / "stages", without)
     shutil.copytree(job / "stages" / "anchors", other / "stages" / "anchors")
 
 
-def copy_cases(job: Path, parts: Path, share: float = 1.0) -> None:
-    """Copy the first FEM cases that a job has solved to where another goes on from them.
+def copy_cases(job: Path, parts: Path, without: int = 0) -> None:
+    """Copy FEM cases that a job has solved, all but the last chunks, for another to go on from.
 
-    A slow machine keeps more cases in fewer chunks: a share of the chunks always leaves some.
+    A slow machine keeps more cases in fewer chunks: where they are no more, none is copied.
 
     A case depends only on the body, the box, the seed and the cases before its batch: a
     simulation of fewer pairs of the same neck and seed begins with the same cases.
@@ -76,5 +76,5 @@ def copy_cases(job: Path, parts: Path, share: float = 1.0) -> None:
         target = parts / solved.name
         target.mkdir(parents=True)
         files = sorted(solved.iterdir())
-        for file in files[: int(share * len(files))]:
+        for file in files[: max(0, len(files) - without)]:
             (target / file.name).write_bytes(file.read_bytes())
