@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import runpy
 import signal
 import socket
 import subprocess
@@ -63,12 +64,19 @@ def unexplained_table(path: Path) -> Path:
     return path
 
 
+def opened(folder: Path, follow: Path | None = None) -> App:
+    """A session whose steps have imported all already, and whose figures this process computes."""
+    app = warm(App(folder, follow))
+    app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
+    return app
+
+
 @contextmanager
 def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[str]:
-    """A session served by this process, which has imported all already; yields its address."""
-    with closing(App(folder, follow)) as app, socket.create_server(("127.0.0.1", 0)) as listening:
-        app.views._pool = ThreadPoolExecutor(1)  # type: ignore[assignment]
-        begin(warm(app), tables)
+    """Such a session served by this process; yields its address."""
+    listens = socket.create_server(("127.0.0.1", 0))
+    with closing(opened(folder, follow)) as app, listens as listening:
+        begin(app, tables)
         port = listening.getsockname()[1]
         server = uvicorn.Server(
             uvicorn.Config(application(app, port=port, token="secret"), log_level="error")
@@ -103,8 +111,8 @@ def served_by_the_command(*arguments: str | Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Page]:
-    with open_chromium() as opened:
-        yield opened
+    with open_chromium() as started:
+        yield started
 
 
 @pytest.fixture
@@ -132,7 +140,7 @@ _PREVIEW = """(() => {
 
 def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
-    with served_by_the_command(data, "--session", tmp_path / "session") as address:
+    with served(data, folder=tmp_path / "session") as address:
         _to_the_model(page, address)
         page.click("#curve")
         page.click("#fit")
@@ -580,7 +588,7 @@ def _held(page: Page) -> np.ndarray:
 
 
 def test_figures_of_a_stage_that_was_left_are_gone(page: Page, tmp_path: Path) -> None:
-    data, times = drifting_table(tmp_path / "stage.csv"), 15
+    data, times = drifting_table(tmp_path / "stage.csv"), 5
     stages = ["fails", "missing", "add", "out", "data", "model"]
     with served(data, folder=tmp_path / "session") as address:
         _to_the_model(page, address)
@@ -597,7 +605,7 @@ def test_figures_of_a_stage_that_was_left_are_gone(page: Page, tmp_path: Path) -
         assert (shown > 50).all()
         before = looked_at(1)
         grown = looked_at(times) - before
-        assert (grown < shown).all(), f"{grown} after {times} times, {shown} in one stage"
+        assert (3 * grown < shown).all(), f"{grown} after {times} times, {shown} in one stage"
 
 
 def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
@@ -1077,10 +1085,12 @@ def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_pat
 
 
 def test_the_demo_of_the_site_goes_round_the_loop_without_a_server(
-    page: Page, tmp_path: Path
+    page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written = tmp_path / "demo.html"
-    subprocess.run([sys.executable, ROOT / "docs/demo_page.py", written], check=True)
+    monkeypatch.setattr("ecm.workflow.app.server.App", opened)
+    monkeypatch.setattr("sys.argv", ["demo_page.py", str(written)])
+    runpy.run_path(str(ROOT / "docs" / "demo_page.py"), run_name="__main__")
     page.open(written.as_uri())
     page.until(f"document.documentElement.dataset.stage && {_DRAWN}")
     figures = {"data": ".space canvas", "model": "#fit", "fails": ".panel canvas[tabindex]",
