@@ -516,7 +516,7 @@ def test_no_description_replaces_settings(
     plan = tmp_path / "plan.csv"
     model = tmp_path / "m.json"
     ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
-    ecm_command("design", neck_csv, "--n", "14", "--model", "linear", "--out", plan)
+    ecm_command("design", neck_csv, "--n", 9, "--model", "linear", "--out", plan, "--iterations", 9)
     cylinder = '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1\nradius_m = 0.03\n'
     cylinder += "young_modulus_Pa = 1e6\npoisson_ratio = 0.49\n"
     settings = tmp_path / "neck.toml"

@@ -173,7 +173,7 @@ def test_a_plan_that_was_cut_between_its_files_is_completed(
     as_table(neck_columns(30), meta=meta).write(tmp_path / "c.csv")
     plan = tmp_path / "plan.csv"
     design = ("design", tmp_path / "c.csv", "--n", "8", "--model", "linear", "--out", plan)
-    design = (*design, "--starts", "1")
+    design = (*design, "--starts", "1", "--iterations", "20")
     assert ecm_command(*design).code == 0
     whole = files(tmp_path)
     plan.unlink()  # the description is written first

@@ -80,10 +80,10 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
     done = ecm_command(
         "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper",
         "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv",
-        "--json", tmp_path / "plan.json",
+        "--json", tmp_path / "plan.json", "--iterations", "20",
     ).good()  # fmt: skip
     planned = ecm.design(
-        table, 9, preset="paper", model="linear", starts=1, seed=3, exclude=range(5)
+        table, 9, preset="paper", model="linear", starts=1, seed=3, exclude=range(5), iterations=20
     )
     same_tables(tmp_path / "plan.csv", planned.plan)
     document = json.loads((tmp_path / "plan.json").read_text())

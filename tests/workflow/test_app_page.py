@@ -74,14 +74,13 @@ def opened(folder: Path, follow: Path | None = None) -> App:
 @contextmanager
 def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[str]:
     """Such a session served by this process; yields its address."""
-    listens = socket.create_server(("127.0.0.1", 0))
-    with closing(opened(folder, follow)) as app, listens as listening:
+    with closing(opened(folder, follow)) as app, socket.create_server(("127.0.0.1", 0)) as at:
         begin(app, tables)
-        port = listening.getsockname()[1]
+        port = at.getsockname()[1]
         server = uvicorn.Server(
             uvicorn.Config(application(app, port=port, token="secret"), log_level="error")
         )
-        thread = threading.Thread(target=server.run, args=([listening],))
+        thread = threading.Thread(target=server.run, args=([at],))
         thread.start()
         try:
             yield f"http://127.0.0.1:{port}/?token=secret"
@@ -651,8 +650,7 @@ def _refused_and_no_more(page: Page) -> None:
 
 
 def _state(page: Page) -> dict:  # type: ignore[type-arg]
-    text = page.js("fetch('/api/state').then(r => r.text())")
-    return dict(json.loads(text))
+    return dict(json.loads(page.js("fetch('/api/state').then(r => r.text())")))
 
 
 # --- every example to its end -----------------------------------------
@@ -702,13 +700,9 @@ def test_every_shipped_example_goes_to_its_end(page: Page, tmp_path: Path, examp
         assert _click_to_the_end(page, "#export")["export"]["files"]
         if example == "neck":
             assert 4.0 < state["fit"]["history"][0]["train"] < 6.0
-            assert _click_to_the_end_of_reveal(page)["score"]["correct"]
-
-
-def _click_to_the_end_of_reveal(page: Page) -> dict[str, Any]:
-    page.js("location.hash = 'add'")
-    page.until("!!document.querySelector('#reveal')")
-    return dict(_click_to_the_end(page, "#reveal")["truth"])
+            page.js("location.hash = 'add'")
+            page.until("!!document.querySelector('#reveal')")
+            assert _click_to_the_end(page, "#reveal")["truth"]["score"]["correct"]
 
 
 def padded_table(path: Path) -> Path:
@@ -990,7 +984,6 @@ def test_a_slider_of_each_actuator_moves_the_body(page: Page, tmp_path: Path) ->
         assert not page.unnamed()
 
 
-SEEN = ("space", "versus")
 _FOLLOWED = """
 [limits]
 force_N = 1000.0
