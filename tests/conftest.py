@@ -15,6 +15,7 @@ from ecm.io.cache import hash_of
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
+from support.chromium import Page, open_chromium
 from support.jobs import identify_with_kept_fem, write_smaller
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once
@@ -110,6 +111,20 @@ def quick_job(products: Path, quick_config: Path, neck_physics: PhysicsMap) -> I
     make = partial(identify_with_kept_fem, quick_config)
     with made_once(products, "quick", lambda out: make(out, "--threads", "2")) as job:
         yield job
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Page]:
+    """A browser for the tests of a file."""
+    with open_chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def page(chromium: Page) -> Iterator[Page]:
+    """A page on which nothing goes wrong unsaid."""
+    yield chromium
+    assert chromium.problems() == []
 
 
 @pytest.fixture

@@ -431,8 +431,7 @@ def test_from_candidates_to_a_refit_and_the_truth(
     Path("rig.toml").write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
 
     def done(*arguments: object) -> Done:
-        found = ecm_command(*arguments).good()
-        return found
+        return ecm_command(*arguments).good()
 
     said = done("design", "c.csv", "--n", "14", "--model", "linear", "--out", "plan.csv",
                 "--json", "design.json")  # fmt: skip

@@ -18,7 +18,7 @@ from ecm.report import FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, CodeBlock, Shown, number, text_of
 from support.campaigns import campaign, model
-from support.chromium import open_chromium
+from support.chromium import Page
 from support.report_pages import figures_of, open_page
 
 HOSTILE = '</script><script>document.documentElement.dataset.owned = "1"</script><b>&'
@@ -81,62 +81,61 @@ def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> No
 
 
 @pytest.mark.browser
-def test_the_names_of_bars_are_whole_however_long(tmp_path: Path) -> None:
+def test_the_names_of_bars_are_whole_however_long(page: Page, tmp_path: Path) -> None:
     names = ["sensor_temperature_degC", *"abcdefgh", "constant_in_body"]
     block = FigureBlock("bars", draw.bars({"a": [1.0] * len(names)}, names, y_title="y"))
     path = tmp_path / "bars.html"
     Report("bars", "", [Section("Bars", [block])]).write(path)
-    with open_chromium() as page:
-        page.open(path.resolve().as_uri())
-        page.until("!!document.documentElement.dataset.figures")
-        box = "getBoundingClientRect()"
-        outside = "own.left < place.left || own.bottom > place.bottom + 1 ? [text.textContent] : []"
-        cut = (
-            f"(place => [...document.querySelectorAll('svg.figure text')].flatMap(text => "
-            f"(own => {outside})(text.{box})))(document.querySelector('svg.figure').{box})"
-        )
-        assert page.js(cut) == []
+    page.open(path.resolve().as_uri())
+    page.until("!!document.documentElement.dataset.figures")
+    box = "getBoundingClientRect()"
+    outside = "own.left < place.left || own.bottom > place.bottom + 1 ? [text.textContent] : []"
+    cut = (
+        f"(place => [...document.querySelectorAll('svg.figure text')].flatMap(text => "
+        f"(own => {outside})(text.{box})))(document.querySelector('svg.figure').{box})"
+    )
+    assert page.js(cut) == []
 
 
 @pytest.mark.browser
-def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_path: Path) -> None:
+def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(
+    page: Page, tmp_path: Path
+) -> None:
     path = tmp_path / "compare.html"
     compare(model(), campaign("payload", 1.0, 0)).report().write(path)
     text = path.read_text(encoding="utf-8")
     assert text.index('id="mechanism-0"') < text.index("<table>")
-    with open_chromium() as page:
-        page.open(path.resolve().as_uri())
-        page.until("!!document.documentElement.dataset.figures")
-        page.js("document.querySelector('tr[data-row]').click()")
-        row = page.js("document.querySelector('tr[data-row]').dataset.row")
-        assert page.js("[...modules.selection.marked].join()") == row
-        page.js("document.querySelector('.space canvas').focus()")
-        page.keys("Escape", "n", " ")
-        first = page.js("[...modules.selection.marked].join()")
-        assert page.js("document.documentElement.dataset.marked") == first
-        drawn = (
-            "document.querySelector('.space canvas').getContext('2d').getImageData(0, 0, 2e3, 2e3)"
-        )
-        assert page.js(f"new Set(new Uint32Array({drawn}.data.buffer)).size") > 500
-        assert page.problems() == []
+    page.open(path.resolve().as_uri())
+    page.until("!!document.documentElement.dataset.figures")
+    page.js("document.querySelector('tr[data-row]').click()")
+    row = page.js("document.querySelector('tr[data-row]').dataset.row")
+    assert page.js("[...modules.selection.marked].join()") == row
+    page.js("document.querySelector('.space canvas').focus()")
+    page.keys("Escape", "n", " ")
+    first = page.js("[...modules.selection.marked].join()")
+    assert page.js("document.documentElement.dataset.marked") == first
+    drawn = "document.querySelector('.space canvas').getContext('2d').getImageData(0, 0, 2e3, 2e3)"
+    assert page.js(f"new Set(new Uint32Array({drawn}.data.buffer)).size") > 500
 
 
-def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(tmp_path: Path) -> None:
+def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(
+    page: Page, tmp_path: Path
+) -> None:
     Report("t", "l", sections()[1:]).write(tmp_path / "page.html")
     ink = "getComputedStyle(document.querySelector('#figure-0 text')).fill"
-    with open_chromium() as page:
-        page.size(360, 800, dark=True)
-        page.open((tmp_path / "page.html").as_uri())
-        page.until("document.querySelectorAll('#figure-0 text').length > 0")
-        assert page.js(ink) == "rgb(232, 236, 242)"
-        assert page.js("document.getElementById('figure-0').offsetWidth") >= 640
-        assert page.js("document.documentElement.scrollWidth") <= 360
-        page.size(1200, 800)
-        page.until(f"{ink} === 'rgb(23, 32, 43)'")
-        assert page.problems() == []
+    page.size(360, 800, dark=True)
+    page.open((tmp_path / "page.html").as_uri())
+    page.until("document.querySelectorAll('#figure-0 text').length > 0")
+    assert page.js(ink) == "rgb(232, 236, 242)"
+    assert page.js("document.getElementById('figure-0').offsetWidth") >= 640
+    assert page.js("document.documentElement.scrollWidth") <= 360
+    page.size(1200, 800)
+    page.until(f"{ink} === 'rgb(23, 32, 43)'")
 
 
-def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(tmp_path: Path) -> None:
+def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(
+    page: Page, tmp_path: Path
+) -> None:
     """On A4 no table is wider than the sheet, and a short one does not go over an edge."""
     rows = [
         [f"a rather long name of effect {i}", 1.0, "words that go on for a while"]
@@ -146,20 +145,19 @@ def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(tmp_path: 
         TableBlock("Errors.", ("effect", "size", "what"), rows) for _ in range(4)
     ]
     Report("t", "l", [Section("First", blocks), *sections()[1:]]).write(tmp_path / "page.html")
-    with open_chromium() as page:
-        page.size(690, 1000)  # A4 without its margins, at 96 dots an inch
-        page.open((tmp_path / "page.html").as_uri())
-        page.until("!!document.documentElement.dataset.figures")
-        page.call("Emulation.setEmulatedMedia", media="print")
-        assert page.js("document.documentElement.scrollWidth") <= 690
-        breaks = "f => getComputedStyle(f).breakInside"
-        found = page.js(f"[...document.querySelectorAll('figure.table')].map({breaks}).join()")
-        assert found == ",".join(["avoid"] * 4)
-        assert page.js("getComputedStyle(document.querySelector('nav')).display") == "none"
-        number = "getComputedStyle(document.querySelectorAll('h2')[1], '::before').content"
-        assert "counter(section)" in page.js(number)
-        assert len(page.call("Page.printToPDF", preferCSSPageSize=True)["data"]) > 10_000
-        page.call("Emulation.setEmulatedMedia", media="")
+    page.size(690, 1000)  # A4 without its margins, at 96 dots an inch
+    page.open((tmp_path / "page.html").as_uri())
+    page.until("!!document.documentElement.dataset.figures")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert page.js("document.documentElement.scrollWidth") <= 690
+    breaks = "f => getComputedStyle(f).breakInside"
+    found = page.js(f"[...document.querySelectorAll('figure.table')].map({breaks}).join()")
+    assert found == ",".join(["avoid"] * 4)
+    assert page.js("getComputedStyle(document.querySelector('nav')).display") == "none"
+    number = "getComputedStyle(document.querySelectorAll('h2')[1], '::before').content"
+    assert "counter(section)" in page.js(number)
+    assert len(page.call("Page.printToPDF", preferCSSPageSize=True)["data"]) > 10_000
+    page.call("Emulation.setEmulatedMedia", media="")
 
 
 def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:

@@ -108,19 +108,6 @@ def served_by_the_command(*arguments: str | Path) -> Iterator[str]:
         server.communicate(timeout=30)
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Page]:
-    with open_chromium() as started:
-        yield started
-
-
-@pytest.fixture
-def page(chromium: Page) -> Iterator[Page]:
-    """A page on which nothing goes wrong unsaid."""
-    yield chromium
-    assert chromium.problems() == []
-
-
 _OTHER_TAB = """fetch("/api/redo", {method: "POST", body: "{}",
   headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
 _DRAWN = "!document.querySelector('#main .waiting[role=status]')"

@@ -20,6 +20,7 @@ from ecm.workflow.config import Config, Job, Silent, read_config, with_rig
 from ecm.workflow.identify import DESIGNS, measure_designs
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import FAST, settings
+from support.jobs import copy_cases
 from support.neck import ROOT, Done, csv_text, neck_columns
 from support.report_pages import open_page
 
@@ -68,10 +69,11 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
 class Step3:
     """Step 3 on two small designs, FEM and arm both real."""
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Path, quick_job: Path) -> None:
         config = Config(rig=settings(**FAST))
         self.job = Job(config, out, seed=1, threads=2, console=Silent())
-        self.pairs = simulate(config.mechanism, 7, config.workspace, seed=1, threads=2)
+        copy_cases(quick_job, out / "pairs")  # of the same neck and seed
+        self.pairs = simulate(config.mechanism, 7, config.workspace, directory=out / "pairs")
         self.tables, self.summary = self.run()
 
     def run(self) -> tuple[dict[str, Table], dict[str, Any]]:
@@ -84,9 +86,9 @@ class Step3:
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Step3:
+def measured(quick_job: Path, tmp_path_factory: pytest.TempPathFactory) -> Step3:
     """Both designs, measured once."""
-    return Step3(tmp_path_factory.mktemp("job"))
+    return Step3(tmp_path_factory.mktemp("job"), quick_job)
 
 
 def test_the_designs_are_measured_by_the_arm(measured: Step3) -> None:
