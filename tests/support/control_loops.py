@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.models import Model
-from ecm.models.export import Exported, export_files
-from support.exports import written
+from ecm.models.export import Exported
+from support.exports import exported, written
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -79,7 +79,7 @@ def cases_of(exported: Exported) -> F:
 def exported_to(model: Model, target: str, folder: Path, precision: str = "double") -> Exported:
     """Write an export as `neck` into a folder."""
     written(model, folder, target, precision)
-    return export_files(model, target, "neck", precision)  # type: ignore[arg-type]
+    return exported(model, target, precision)
 
 
 def _loop(folder: Path, path: str, right: str, wrong: str) -> str:

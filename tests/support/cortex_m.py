@@ -25,14 +25,25 @@ BOARDS = {
 def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
     """A firmware of these sources, the start-up code and `neck.h`."""
     program = folder / "firmware.elf"
+    _built(
+        folder, core, level, "-nostartfiles", "-Wl,--gc-sections,-z,noexecstack",
+        "-T", CORTEX / "mps2.ld", CORTEX / "startup.c", *sources, "-o", program,
+    )  # fmt: skip
+    return program
+
+
+def compiled(folder: Path, core: str, source: Path) -> Path:
+    """The object of a source, for several firmwares."""
+    _built(folder, core, "-O2", "-c", source, "-o", folder / "code.o")
+    return folder / "code.o"
+
+
+def _built(folder: Path, core: str, level: str, *arguments: object) -> None:
     built = done(
         need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb", "-DQUIET",
-        "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
-        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
-        CORTEX / "startup.c", *sources, "-o", program,
+        "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", *arguments,
     )  # fmt: skip
     assert (built.returncode, built.stderr) == (0, "")
-    return program
 
 
 def run_on_board(program: Path, core: str) -> str:

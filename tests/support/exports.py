@@ -7,34 +7,37 @@ import os
 import subprocess
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.models import Model, fit_model
 from ecm.models.control_loop import LoopSettings
-from ecm.models.controller import AdaptSettings
-from ecm.models.export import export_files
+from ecm.models.export import Exported, export_files
 from support.campaigns import campaign, workspace_poses
 from support.programs import need_program
 
 F = NDArray[np.float64]
 HEAD = LoopSettings(mass_kg=0.5, inertia_kg_m2=5e-4)
 """A platform for simulations."""
+_EXPORTED: dict[tuple[object, ...], tuple[Model, Exported]] = {}
 
 
-def written(
-    model: Model,
-    folder: Path,
-    target: str,
-    precision: str = "double",
-    name: str = "neck",
-    loop: LoopSettings | None = None,
-    adapt: AdaptSettings | None = None,
-) -> Path:
+def exported(
+    model: Model, target: str, precision: str = "double", name: str = "neck", **how: Any
+) -> Exported:
+    """What `export_files` gives, once of a model: its loop is designed longer than written."""
+    key = (id(model), target, precision, name, *how.items())
+    if key not in _EXPORTED:
+        # With the model, or another might get its id.
+        _EXPORTED[key] = model, export_files(model, target, name, precision, **how)  # type: ignore[arg-type]
+    return _EXPORTED[key][1]
+
+
+def written(model: Model, folder: Path, target: str, precision: str = "double", **how: Any) -> Path:
     """The folder with the files of a target."""
-    files = export_files(model, target, name, precision, loop, adapt).files  # type: ignore[arg-type]
-    for path, content in files.items():
+    for path, content in exported(model, target, precision, **how).files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content.encode() if isinstance(content, str) else content)
     return folder
