@@ -60,8 +60,7 @@ class _Killer(threading.Thread):
             if self.pid:
                 break
         while not self._over.wait(0.002):
-            tasks = dict(scheduler.tasks).items()
-            self.lost |= {str(key) for key, task in tasks if task.suspicious}
+            self.lost |= {str(k) for k, t in dict(scheduler.tasks).items() if t.suspicious}
 
     def stop(self) -> None:
         self._over.set()

@@ -108,12 +108,8 @@ def test_volumes_are_more_data_on_the_same_coefficients(
 def with_noise(table: Table, position_sd_m: float, random: np.random.Generator) -> Table:
     """With noise of the pose, ten times that in rad, and of the wrench, as stated in its TOML."""
     noise = np.repeat([position_sd_m, 10.0 * position_sd_m], 3), np.repeat([0.005, 2e-4], 3)
-    figures = {
-        "pose_position_sd_m": position_sd_m,
-        "pose_rotation_sd_rad": 10.0 * position_sd_m,
-        "force_sd_N": 0.005,
-        "torque_sd_Nm": 2e-4,
-    }
+    figures = {"pose_position_sd_m": position_sd_m, "force_sd_N": 0.005, "torque_sd_Nm": 2e-4}
+    figures["pose_rotation_sd_rad"] = 10.0 * position_sd_m
     columns = {name: table[name] for name in PRESSURES}
     for names, sds in zip((POSE, WRENCH), noise, strict=True):
         values = table.matrix(names) + sds * random.standard_normal((len(table), 6))

@@ -27,10 +27,9 @@ _EXPORTED: dict[tuple[object, ...], tuple[Model, Exported]] = {}
 def exported(
     model: Model, target: str, precision: str = "double", name: str = "neck", **how: Any
 ) -> Exported:
-    """What `export_files` gives, once of a model: its loop is designed longer than written."""
+    """What `export_files` gives, once of a model, which is kept: another might get its id."""
     key = (id(model), target, precision, name, *how.items())
     if key not in _EXPORTED:
-        # With the model, or another might get its id.
         _EXPORTED[key] = model, export_files(model, target, name, precision, **how)  # type: ignore[arg-type]
     return _EXPORTED[key][1]
 
