@@ -258,7 +258,7 @@ fn cooks_panel_in_the_linear_limit() {
 
 fn slender() -> (Fem, f64) {
     let (l, r, e) = (1.0, 0.012, 1e7);
-    let mesh = Mesh::cylinder(l, r, Quality::Standard).unwrap();
+    let mesh = Mesh::cylinder(l, r, Quality::custom([1, 60, 8], [1000, 1000])).unwrap();
     let fem = Fem::new(mesh, Box::new(NeoHookean::new(e, 0.3).unwrap()), None).unwrap();
     (fem, e * PI * r.powi(4) / 4.0)
 }
