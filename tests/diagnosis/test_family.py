@@ -176,6 +176,26 @@ def warmed(
     return ecm.as_table(columns | more, meta=META)
 
 
+@pytest.mark.parametrize("again", [0, 10])
+@pytest.mark.parametrize("seed", [5, 6])
+def test_wear_below_the_largest_energy_is_no_warm_room(seed: int, again: int) -> None:
+    """A stiff direction adds more to the energy than to the deflection: the largest come apart."""
+    poses = workspace_poses(50, seed)
+    poses = np.vstack([poses, poses[:again]])
+    read = wrench(poses)
+    energy = np.abs((read * (poses - poses.mean(axis=0))).sum(axis=1))
+    below = 1.0 - energy / np.maximum.accumulate(energy)
+    read *= 1.0 - 0.05 * np.sqrt(below)[:, None]
+    read += NOISE * np.random.default_rng(seed).standard_normal(read.shape)
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
+    time_s = 20.0 * np.arange(float(len(poses)))
+    warmer = {"time_s": time_s, "temperature_degC": 20.0 + 0.002 * time_s + 0.3 * np.sin(time_s)}
+    table = ecm.as_table(columns | warmer, meta=META)
+    found = posterior(find_missing(ecm.fit_model(table, "linear"), table).problem)
+    chances = {one.name: p for one, p in zip(found.drivers, found.of_drivers, strict=True)}
+    assert chances["the largest deflection so far"] > 0.9
+
+
 def test_growth_is_named_and_its_size_found() -> None:
     table = warmed(SWING, GROWTH)
     found = diagnose(ecm.fit_model(table, "energy4"), table)

@@ -139,10 +139,8 @@ def test_an_effect_is_held_out_beside_the_base_of_all_rows() -> None:
     found = rank(problem)[0]
     assert found.drop > 100.0
     assert held_out_t(problem, (), found.candidate) > 2.0
-    falls = held_out_squares(problem, (), "time") - held_out_squares(
-        problem, (found.candidate,), "time"
-    )
-    assert falls.sum() < 0.0  # with the base held out as well
+    # With the base held out as well it errs more than any effect explains.
+    assert held_out_squares(problem, (found.candidate,), "time").sum() > 1e3 * found.drop
 
 
 class Steep(Effect):

@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy import special
 
 from ecm.diagnosis.problem import assemble
-from ecm.diagnosis.search import all_needed, delta_chi2, rank, search
-from ecm.effects import Missing, Rows, all_effects, get_effect
+from ecm.diagnosis.search import all_needed, delta_chi2, own_sign, rank, search
+from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.ageing import MullinsSoftening
 from ecm.effects.contact import BaseCompliance, Debonding, PlatformSlip
 from ecm.effects.frames import LedOcclusion, line_of_sight
@@ -35,7 +36,7 @@ from ecm.regression.normal_equations import (
     projected_out,
 )
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
-from support.campaigns import META, campaign, model, physics, plan, workspace_poses
+from support.campaigns import META, NOISE, campaign, model, physics, plan, workspace_poses
 from support.stand_in import L, StandIn, wrench
 
 
@@ -209,25 +210,21 @@ def test_mullins_loss_is_zero_at_the_largest_load(rows: Rows, measure: str) -> N
         assert np.abs(column).max() > 0.05 * np.abs(rows.wrench).max()
 
 
-def test_softening_needs_poses_again_where_the_largest_load_tells_no_more_than_the_load() -> None:
-    """All poses lie below that of the largest load, where it comes first."""
-    poses = workspace_poses(200, 5)
-    wrenches = wrench(poses)
-    load = np.linalg.norm(wrenches[:, :3], axis=1)
-    falling, growing = np.argsort(-load), np.argsort(load + np.arange(200) % 3 * 30.0)
-
-    def lacking(rows: np.ndarray, **more: np.ndarray) -> Missing | None:
-        values = np.hstack([poses, wrenches])[rows].T
-        columns = dict(zip((*POSE, *WRENCH), values, strict=True)) | more
-        time_s = 20.0 * np.arange(float(len(rows)))
-        table = as_table(columns | {"time_s": time_s}, meta=META)
-        return get_effect("mullins_softening").missing(table)
-
-    once = lacking(falling)
-    assert once is not None
-    assert (once.imitates, once.record) == (True, "the first 10 poses again")
-    assert lacking(falling, pose_id=np.arange(200.0) % 190) is None
-    assert lacking(growing) is None
+@pytest.mark.parametrize("memory", [True, False])
+def test_softening_is_what_a_memory_explains(memory: bool) -> None:
+    """A body that is softer below the largest of all loads before it came, too, has no memory."""
+    poses = workspace_poses(60, 5)
+    read = wrench(poses)
+    energy = np.abs((read * (poses - [L, 0.0, 0.0, 0.0, 0.0, 0.0])).sum(axis=1))
+    largest = np.maximum.accumulate(energy) if memory else np.full(60, energy.max())
+    read = read * (1.0 - 0.05 * special.erf((largest - energy) / energy.mean()))[:, None]
+    read += NOISE * np.random.default_rng(2).standard_normal(read.shape)
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
+    table = as_table(columns | {"time_s": 20.0 * np.arange(60.0)}, meta=META)
+    problem = assemble(physics(), table, [MullinsSoftening()])
+    (item,) = search(problem, rank(problem))
+    assert item.id == "mullins_softening"
+    assert own_sign(problem, (item,), item)[0] == memory
 
 
 def test_a_cable_at_the_rim_pulls_along_its_side(rows: Rows) -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -25,11 +26,10 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
-from ecm.io.arrays import F, evenly, svd
-from ecm.io.columns import POSE, TEXT
+from ecm.io.arrays import F, evenly, rms, svd
+from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
-from ecm.regression.folds import largest_follows
 from ecm.regression.history import before_each, largest_so_far, row_before
 from ecm.regression.rows import Rows
 
@@ -307,15 +307,38 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     yield Driver("the pose before", (), "both_sides", (_free(problem, visit),), "", visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
-    if problem.table.has("time_s") and not largest_follows(whole.table, size):
-        most = rows.of_whole(largest_so_far(whole.table, size))
-        own = rows.of_whole(size)
-        forms = _factors(problem, _cosines(np.log((most + 0.1) / (own + 0.1)), 3))
+    if problem.table.has("time_s"):
+        # Stiff directions add more to the energy than to the deflection.
+        sizes = [one / rms(one) for one in (size, _work(whole)) if np.ptp(one) > 0.0]
+        forms = [_factors(problem, _of_memory(rows, one)) for one in sizes]
         text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
         load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
         yield Driver("the largest deflection so far", ("mullins_softening",),
-                     "conditioning_cycles", forms, "",
+                     "conditioning_cycles", tuple(chain(*forms)), "",
                      {"the largest wrench so far": (text, load)})  # fmt: skip
+
+
+def _work(rows: Rows) -> F:
+    """(N,) size of wrench times way from the middle pose, over the axes that have both."""
+    outputs = dict(zip(rows.base.outputs, rows.wrench.T, strict=True))
+    way = dict(zip(rows.base.inputs, (rows.poses - rows.middle_pose).T, strict=True))
+    axes = (
+        pair for pair in zip(POSE, WRENCH, strict=True) if pair[0] in way and pair[1] in outputs
+    )
+    return np.abs(sum((way[name] * outputs[other] for name, other in axes), np.zeros(len(rows))))
+
+
+def _of_memory(rows: Rows, size: F) -> F:
+    """(N, 4) what smooth functions of size and largest so far have beside those of the size.
+
+    The size, of all rows, is a function of the pose; beside the last largest there is no memory.
+    """
+    most = rows.of_whole(largest_so_far(rows.whole.table, size))
+    own, last = rows.of_whole(size), np.full(len(rows), size.max())
+    below, after = (np.log((one + 0.05) / (own + 0.05)) for one in (most, last))
+    waves = np.arange(1, 4) * np.pi / after.max()
+    memory = np.cos(np.outer(below, waves)) - np.cos(np.outer(after, waves))
+    return np.column_stack([(below - after) / after.max(), memory / np.arange(1, 4) ** 1.5])
 
 
 def _before(rows: Rows) -> F:

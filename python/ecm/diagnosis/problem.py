@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from ecm.comparison.residuals import feature_columns
-from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.settings import DEFAULTS, FORM_SHARE, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
 from ecm.errors import ModelError
@@ -47,8 +47,8 @@ from ecm.regression.rows import UnknownLength, actuators_of, is_whole
 
 OUTLIER_CHANCE = 1e-4
 """Rows less likely than this under the noise count less."""
-ABSORBED_SHARE = 0.9
-"""An effect of which a base absorbs more cannot be tested."""
+ABSORBED_SHARE = 1.0 - FORM_SHARE
+"""An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
 _ABSORBED_BY_PHYSICS = 0.995
 """The same for a physics base: its one or two coefficients absorb nothing by chance."""
 SHAPE_REFINEMENTS = 4

@@ -22,7 +22,6 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.folds import largest_follows
 from ecm.regression.history import largest_so_far, memory_options, order_of_visits
 from ecm.regression.rows import Rows
 
@@ -227,7 +226,8 @@ class MullinsSoftening(TimedEffect):
     measure: str = optional("energy")
     """What the largest load is: `energy`, `bend` or `reach`."""
     history: str = optional("run")
-    """Whether the memory ends with a `run` or is `kept` over all runs."""
+    """Whether the memory ends with a `run` or is `kept` over all runs; with `no` memory the largest
+    load of all rows counts from the first one on (the plain form)."""
     load_width: float | None = optional(None)
     """With fewer than the twelve columns the size of force or moment counts, and sets in over this
     width, N or N m; 0: a straight line."""
@@ -238,18 +238,8 @@ class MullinsSoftening(TimedEffect):
             self.needs = "time (time_s), and loads after larger ones"
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs what `requires` says, and poses measured again where the order tells too little.
-
-        With fewer columns a load below an earlier one.
-        """
-        if self.load_width is not None:
-            return _needs_unloading(table)
-        lacking = super().missing(table)
-        load = _load(table.matrix(table.wrench_columns), table.wrench_columns)
-        if lacking is None and largest_follows(table, load):
-            reason, record = "the largest load so far follows the load", "the first 10 poses again"
-            return Missing(reason, record, imitates=True, forms=self.variants(table))
-        return lacking
+        """Needs what `requires` says; with fewer columns a load below an earlier one."""
+        return super().missing(table) if self.load_width is None else _needs_unloading(table)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A straight line and some widths for each measure of the largest load."""
@@ -265,6 +255,10 @@ class MullinsSoftening(TimedEffect):
             for w in _WIDTHS
         )
 
+    def plain_form(self) -> Effect | None:
+        """The same without memory: what is softer before the largest load as well is no wear."""
+        return None if self.history == "no" else replace(self, history="no")
+
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours; none of a straight line."""
         name = "width" if self.load_width is None else "load_width"
@@ -273,7 +267,9 @@ class MullinsSoftening(TimedEffect):
     def columns(self, rows: Rows) -> F:
         """The share that is lost, times -h."""
         size = self._size(rows)
-        largest = largest_so_far(rows.table, size, self.history)
+        largest = np.full(len(size), size.max(initial=0.0))
+        if self.history != "no":
+            largest = largest_so_far(rows.table, size, self.history)
         below, width = largest - size, self.load_width or self.width
         if self.load_width is None and not rows.unloaded.all():
             width *= float(np.median(size[~rows.unloaded]))

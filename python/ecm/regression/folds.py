@@ -21,14 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ecm.io.arrays import B, F, I, evenly, rest_of
+from ecm.io.arrays import B, F, I, evenly
 from ecm.io.table import Table
-from ecm.regression.history import largest_so_far, order_of_visits
-
-_LEAST_AGAIN = 5
-"""Visits of poses that were measured before that tell what time and use do."""
-_OWN = 0.1
-"""Share of its own from which one variable is told from another, as an effect is."""
+from ecm.regression.history import order_of_visits
 
 
 def is_zero(table: Table) -> B:
@@ -230,19 +225,6 @@ def repeat_visits(table: Table) -> int:
     if not measured.has("pose_id"):
         return 0
     return len(measured) - len(np.unique(measured.column("pose_id")))
-
-
-def largest_follows(table: Table, size: F) -> bool:
-    """Whether the largest so far tells no more than the size, (N,) of each row, itself.
-
-    After a few of many poses in random order hardly anything is larger: what changes below the
-    largest, and what changes with the size, are then one. Poses that come again tell them apart.
-    """
-    if table.continuous or repeat_visits(table) >= _LEAST_AGAIN:
-        return False
-    share = size / np.maximum(largest_so_far(table, size), 1e-300)
-    own = rest_of(np.vander(size / max(size.max(), 1e-300), 4), share)
-    return bool(own @ own < _OWN * ((share - share.mean()) ** 2).sum())
 
 
 CHOSEN = "spread over runs, time and poses, repeats first"
