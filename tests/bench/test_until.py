@@ -32,6 +32,7 @@ from ecm.models.maps import EnergyMap, EnergyTerms
 from ecm.rig import Campaign, RigSettings, fem_source
 from ecm.rig.plan import LOOK_HOME, Request, requests
 from ecm.rig.settings import Instruments, Procedure
+from support.neck import columns_of
 
 
 def _body() -> EnergyMap:
@@ -435,7 +436,7 @@ def test_a_row_tells_less_once_it_is_measured_and_where_an_effect_is_not_seen() 
     random = np.random.default_rng(2)
     wrenches = BODY().predict(at) * np.where(np.arange(30) % 2, 0.95, 1.0)[:, None]
     wrenches += np.repeat([0.05, 1e-3], 3) * random.standard_normal((30, 6))
-    read = dict(zip((*POSE, *WRENCH), np.hstack([at, wrenches]).T, strict=True))
+    read = columns_of(at, wrenches)
     read |= {"dwell_s": plan.column("dwell_s")[:30], "time_s": 10.0 * np.arange(30)}
     rows = as_table(read, meta=Meta(mechanism={"length_m": 0.1}, instrument=NOISE))
     look = look_at(rows, plan)

@@ -45,11 +45,12 @@ from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.material import Anisotropy
 from ecm.effects.registry import effects_of_actuators
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.table import as_table
 from ecm.regression.noise import declared_noise
 from ecm.rig.physics import TRUE_EFFECTS
 from support.campaigns import model, plan
+from support.neck import columns_of
 from support.stand_in import StandIn
 
 ONE = ("anisotropy", "base_compliance", "fts_offset", "payload", "temperature_modulus")
@@ -494,7 +495,7 @@ def test_the_catalogue_knows_the_anisotropy_of_a_rod(folder: Path) -> None:
     mechanism = body.mechanism()
     stated = stated_model(mechanism)
     assert stated is not None
-    read = dict(zip((*POSE, *WRENCH), np.hstack([seen.poses, seen.wrenches]).T, strict=True))
+    read = columns_of(seen.poses, seen.wrenches)
     rows = Rows(as_table(read, meta={"mechanism": mechanism}), stated.base)
     size = np.repeat([np.sqrt((change[:, j : j + 3] ** 2).mean()) for j in (0, 3)], 3)
     y = (change / size).ravel()

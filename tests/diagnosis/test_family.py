@@ -14,9 +14,9 @@ from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from support.campaigns import META, NOISE, campaign, model, workspace_poses
+from support.neck import columns_of
 from support.stand_in import wrench
 
 
@@ -171,9 +171,13 @@ def warmed(
     read = wrench(np.hstack([poses[:, :3] / size, poses[:, 3:]])) * size ** np.repeat([2.0, 3.0], 3)
     read[:, component] *= 1.0 + factor * warmer
     read += NOISE * np.random.default_rng(8).standard_normal(poses.shape)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
+    return read_at(poses, read, temperature)
+
+
+def read_at(poses: np.ndarray, read: np.ndarray, temperature: np.ndarray) -> Table:
+    """Poses and wrenches in time, with the temperature of the room."""
     more = {"time_s": 20.0 * np.arange(len(poses)), "temperature_degC": temperature}
-    return ecm.as_table(columns | more, meta=META)
+    return ecm.as_table(columns_of(poses, read) | more, meta=META)
 
 
 @pytest.mark.parametrize("again", [0, 10])
@@ -187,10 +191,8 @@ def test_wear_below_the_largest_energy_is_no_warm_room(seed: int, again: int) ->
     below = 1.0 - energy / np.maximum.accumulate(energy)
     read *= 1.0 - 0.05 * np.sqrt(below)[:, None]
     read += NOISE * np.random.default_rng(seed).standard_normal(read.shape)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
-    time_s = 20.0 * np.arange(float(len(poses)))
-    warmer = {"time_s": time_s, "temperature_degC": 20.0 + 0.002 * time_s + 0.3 * np.sin(time_s)}
-    table = ecm.as_table(columns | warmer, meta=META)
+    hours = np.arange(len(poses)) / 180.0
+    table = read_at(poses, read, 20.0 + 7.2 * hours + 0.3 * np.sin(3600.0 * hours))
     found = posterior(find_missing(ecm.fit_model(table, "linear"), table).problem)
     chances = {one.name: p for one, p in zip(found.drivers, found.of_drivers, strict=True)}
     assert chances["the largest deflection so far"] > 0.9

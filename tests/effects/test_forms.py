@@ -37,6 +37,7 @@ from ecm.regression.normal_equations import (
 )
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import META, NOISE, campaign, model, physics, plan, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, StandIn, wrench
 
 
@@ -219,8 +220,7 @@ def test_softening_is_what_a_memory_explains(memory: bool) -> None:
     largest = np.maximum.accumulate(energy) if memory else np.full(60, energy.max())
     read = read * (1.0 - 0.05 * special.erf((largest - energy) / energy.mean()))[:, None]
     read += NOISE * np.random.default_rng(2).standard_normal(read.shape)
-    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
-    table = as_table(columns | {"time_s": 20.0 * np.arange(60.0)}, meta=META)
+    table = as_table(columns_of(poses, read) | {"time_s": 20.0 * np.arange(60.0)}, meta=META)
     problem = assemble(physics(), table, [MullinsSoftening()])
     (item,) = search(problem, rank(problem))
     assert item.id == "mullins_softening"
