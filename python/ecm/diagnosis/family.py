@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 
@@ -310,22 +309,20 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     if problem.table.has("time_s"):
         # Stiff directions add more to the energy than to the deflection.
         sizes = [one / rms(one) for one in (size, _work(whole)) if np.ptp(one) > 0.0]
-        forms = [_factors(problem, _of_memory(rows, one)) for one in sizes]
+        forms = tuple(f for one in sizes for f in _factors(problem, _of_memory(rows, one)))
         text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
         load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
         yield Driver("the largest deflection so far", ("mullins_softening",),
-                     "conditioning_cycles", tuple(chain(*forms)), "",
+                     "conditioning_cycles", forms, "",
                      {"the largest wrench so far": (text, load)})  # fmt: skip
 
 
 def _work(rows: Rows) -> F:
     """(N,) size of wrench times way from the middle pose, over the axes that have both."""
-    outputs = dict(zip(rows.base.outputs, rows.wrench.T, strict=True))
-    way = dict(zip(rows.base.inputs, (rows.poses - rows.middle_pose).T, strict=True))
-    axes = (
-        pair for pair in zip(POSE, WRENCH, strict=True) if pair[0] in way and pair[1] in outputs
-    )
-    return np.abs(sum((way[name] * outputs[other] for name, other in axes), np.zeros(len(rows))))
+    known = dict(zip(rows.base.outputs, rows.wrench.T, strict=True))
+    known |= dict(zip(rows.base.inputs, (rows.poses - rows.middle_pose).T, strict=True))
+    axes = (pair for pair in zip(POSE, WRENCH, strict=True) if known.keys() >= set(pair))
+    return np.abs(sum((known[name] * known[other] for name, other in axes), np.zeros(len(rows))))
 
 
 def _of_memory(rows: Rows, size: F) -> F:
@@ -334,8 +331,8 @@ def _of_memory(rows: Rows, size: F) -> F:
     The size, of all rows, is a function of the pose; beside the last largest there is no memory.
     """
     most = rows.of_whole(largest_so_far(rows.whole.table, size))
-    own, last = rows.of_whole(size), np.full(len(rows), size.max())
-    below, after = (np.log((one + 0.05) / (own + 0.05)) for one in (most, last))
+    own = rows.of_whole(size) + 0.05
+    below, after = (np.log((one + 0.05) / own) for one in (most, size.max()))
     waves = np.arange(1, 4) * np.pi / after.max()
     memory = np.cos(np.outer(below, waves)) - np.cos(np.outer(after, waves))
     return np.column_stack([(below - after) / after.max(), memory / np.arange(1, 4) ** 1.5])

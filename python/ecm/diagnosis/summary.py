@@ -168,9 +168,8 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         return f"{' and '.join(causes)}{likely}; {_fall(document)}"
     family, unknown = document.get("family"), document["unknown"]
     if family is not None:
-        like = f" ({', '.join(family['like'])}: none fits)" if family["like"] else ""
         words = f": {unknown['words']}" if unknown["words"] else ""
-        return f"a cause that follows {family['driver']}{like}{words}{likely}"
+        return f"a cause that follows {family['driver']}{_like(document)}{words}{likely}"
     if unknown is None:
         return _without_name(document)
     said = "something that no known effect explains: "
@@ -182,6 +181,18 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
     # What passes every check, and leaves too much to be all of it.
     beside = f"; beside it what looks like {part}, {_fall(document)}" if part else ""
     return f"{said}{unknown['words']}{beside}"
+
+
+def _like(document: Mapping[str, Any]) -> str:
+    """Return the known effects that follow the driver of a family, and why none is named."""
+    lacking = {item["id"] for item in document["not_testable"]}
+    like = document["family"]["like"]
+    of_reason = {
+        "none fits": [id for id in like if id not in lacking],
+        "not testable": [id for id in like if id in lacking],
+    }
+    told = [f"{reason}: {', '.join(ids)}" for reason, ids in of_reason.items() if ids]
+    return f" ({'; '.join(told)})" if told else ""
 
 
 def _without_name(document: Mapping[str, Any]) -> str:
