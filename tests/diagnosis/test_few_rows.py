@@ -137,7 +137,7 @@ def test_an_effect_is_held_out_beside_the_base_of_all_rows() -> None:
     base = EnergyTerms(L, 6).fit(poses, relaxed.wrenches)
     problem = assemble(base, relaxed, [get_effect("stress_relaxation")])
     found = rank(problem)[0]
-    assert found.drop > 100.0
+    assert found.drop > 300.0  # the best shape, hidden where the base may take in nine tenths
     assert held_out_t(problem, (), found.candidate) > 2.0
     # With the base held out as well it errs more than any effect explains.
     assert held_out_squares(problem, (found.candidate,), "time").sum() > 1e3 * found.drop

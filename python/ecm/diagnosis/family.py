@@ -25,7 +25,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
-from ecm.io.arrays import F, evenly, rms, svd
+from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
@@ -287,13 +287,13 @@ def _values(table: Table, column: str) -> F:
 def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
-    spread = np.sqrt(((rows.poses - rows.middle_pose) ** 2).mean(axis=0)) + 1e-12
+    spread = rms_of_columns(rows.poses - rows.middle_pose) + 1e-12
     step = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
     if not step.any():
         return
     side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
     stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
-    shifted = stiffness / max(float(np.sqrt((stiffness**2).mean())), 1e-300) * side[:, None, :]
+    shifted = stiffness / max(rms(stiffness), 1e-300) * side[:, None, :]
     way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
     names = list(enumerate(problem.base.inputs))
     like = ("hysteresis", "backlash", "fts_hysteresis")
@@ -350,7 +350,7 @@ def _of_pose(problem: Problem) -> F:
     """(N, m, q) a smooth process of the pose in each component."""
     rows = problem.rows
     at = rows.poses - rows.middle_pose
-    at = at / (np.sqrt((at**2).mean(axis=0)) + 1e-12)
+    at = at / (rms_of_columns(at) + 1e-12)
     some = at[np.random.default_rng(0).permutation(len(at))[:40]]
 
     def kernel(a: F, b: F) -> F:
@@ -379,5 +379,5 @@ def _free(problem: Problem, functions: F) -> F:
 def _factors(problem: Problem, functions: F) -> tuple[F, F]:
     """Each function (N, q) as a factor on the wrench (N, m, q), on each component (N, m, m q)."""
     load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)[:, :, None]
-    load = load / max(float(np.sqrt((load**2).mean())), 1e-300)
+    load = load / max(rms(load), 1e-300)
     return load * functions[:, None, :], load * _free(problem, functions)
