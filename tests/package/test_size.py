@@ -13,7 +13,7 @@ LIMITS = {
     "benches": (5_916, 51),
     "examples": (1_516, 13),
     "tests": (32_113, 230),
-    "crates": (34_375, 198),
+    "crates": (34_363, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise (tests):
 a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading

@@ -40,6 +40,22 @@ fn both_methods_reach_their_distance() {
 }
 
 #[test]
+fn a_search_without_a_budget_ends_once_it_goes_on_in_vain() {
+    let points = common::uniform(3, 80, 3);
+    let with = |iterations| {
+        let settings = MaximinSettings {
+            n: 10,
+            iterations,
+            ..MaximinSettings::default()
+        };
+        maximin(&points, 3, &settings, &Control::new()).unwrap()
+    };
+    let (found, long) = (with(0), with(1000));
+    assert_eq!((found.value, &found.indices), (long.value, &long.indices));
+    assert!(found.exchanges < long.exchanges / 2, "{}", found.exchanges);
+}
+
+#[test]
 fn included_and_measured_points_keep_their_distance() {
     let points = common::uniform(0, 400, 6);
     let settings = MaximinSettings {

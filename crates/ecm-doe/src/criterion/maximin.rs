@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::search::generator;
+use super::search::{check_room, generator};
 use super::settings::{Design, apply_lists};
 use crate::budget::on_threads;
 use crate::problem::check_sizes;
@@ -124,17 +124,11 @@ pub fn maximin(
             expected,
         });
     }
-    if settings.n < 2 && settings.measured.is_empty() {
+    let least = if settings.measured.is_empty() { 2 } else { 1 };
+    if settings.n < least {
         return Err(DesignError::Small {
             n: settings.n,
-            least: 2,
-            criterion: "maximin",
-        });
-    }
-    if settings.n == 0 {
-        return Err(DesignError::Small {
-            n: 0,
-            least: 1,
+            least,
             criterion: "maximin",
         });
     }
@@ -146,28 +140,10 @@ pub fn maximin(
         &settings.exclude,
         false,
     )?;
-    check_room(columns, settings)?;
+    let size = settings.n.saturating_add(settings.measured.len() / columns);
+    check_room(settings.starts, size, 1)?;
     on_threads(settings.threads, || {
         search(points, columns, &available, settings, control)
-    })
-}
-
-/// Most numbers that the starts of a search keep.
-const MOST_NUMBERS: usize = 1_000_000_000;
-
-/// Refuses a search that would not fit into memory.
-fn check_room(columns: usize, settings: &MaximinSettings) -> Result<(), DesignError> {
-    let n = settings.n.saturating_add(settings.measured.len() / columns);
-    let numbers = n.saturating_mul(settings.starts);
-    if numbers <= MOST_NUMBERS {
-        return Ok(());
-    }
-    Err(DesignError::TooBig {
-        starts: settings.starts,
-        n,
-        width: 1,
-        numbers,
-        most: MOST_NUMBERS,
     })
 }
 
@@ -325,11 +301,11 @@ fn search(
     } else {
         gonzalez
     };
-    let mut complete = !control.stop();
+    let complete = !control.stop();
     if settings.method == SpacingMethod::Search && !settled {
         let near = Neighbours::new(&field.points, columns, top.next_up(), control);
         let found = raise_threshold(&near, &field, design, settings, control);
-        (design, distance, complete) = (found.0, found.1, found.3);
+        (design, distance) = (found.0, found.1);
         exchanges += found.2;
     }
     let mut indices: Vec<usize> = design
@@ -371,14 +347,14 @@ fn first_point(field: &Field, start: usize, rng: &mut rand_chacha::ChaCha8Rng) -
     if start == 0 { field.fixed } else { drawn }
 }
 
-/// Threshold search from `design`: (design, squared distance, swaps, not stopped early).
+/// Threshold search from `design`: (design, squared distance, swaps).
 fn raise_threshold(
     near: &Neighbours<'_>,
     field: &Field,
     design: Vec<usize>,
     settings: &MaximinSettings,
     control: &Control<'_>,
-) -> (Vec<usize>, f64, usize, bool) {
+) -> (Vec<usize>, f64, usize) {
     let budget = match settings.iterations {
         // With a time limit the time is the budget.
         0 if control.timed() => usize::MAX,
@@ -404,13 +380,14 @@ fn raise_threshold(
     let total = moves.saturating_mul(CHAINS);
     let done = AtomicUsize::new(0);
     let patience = (moves / 16).clamp(100, PATIENCE);
-    let mut left = moves;
-    let (mut used, mut round) = (0, 0);
-    while left > 0 && !control.stop() {
-        let now = (FIRST_ROUND << round.min(8)).min(part).min(left);
+    // Without a budget of the user's own the search ends once it goes on in vain for long.
+    let settles = settings.iterations == 0 && !control.timed();
+    let mut ends = if settles { LEAST_SWAPS } else { moves };
+    let (mut spent, mut round, mut reached) = (0, 0, 0.0);
+    while spent < ends && !control.stop() {
+        let now = (FIRST_ROUND << round.min(8)).min(part).min(ends - spent);
         round += 1;
-        left -= now;
-        used += now * CHAINS;
+        spent += now;
         chains.par_iter_mut().for_each(|chain| {
             chain.run(now, patience, control);
             let finished = done.fetch_add(now, Ordering::Relaxed) + now;
@@ -425,6 +402,10 @@ fn raise_threshold(
         if let Some((_, best)) = best {
             let (design, distance, raise) =
                 (best.best().to_vec(), best.best_distance(), best.raise());
+            if settles && distance > reached {
+                ends = (IN_VAIN * spent).clamp(ends, moves);
+            }
+            reached = distance;
             for chain in &mut chains {
                 chain.adopt(&design, distance, raise);
             }
@@ -433,9 +414,13 @@ fn raise_threshold(
     let (best, distance) = chains
         .first()
         .map_or((design, 0.0), |c| (c.best().to_vec(), c.best_distance()));
-    (best, distance, used, left == 0)
+    (best, distance, spent * CHAINS)
 }
 
+/// Without a budget the search lasts this many times as long as it took to its best,
+const IN_VAIN: usize = 3;
+/// and at least this many swaps a chain.
+const LEAST_SWAPS: usize = 200_000;
 /// Number of times at which the chains share their best design.
 const ROUNDS: usize = 40;
 /// Swaps before the first such time; then twice as many each time.

@@ -51,7 +51,11 @@ pub(crate) fn search_near(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let free = settings.n - settings.include.len();
-    check_room(problem, settings, optimum, free)?;
+    check_room(
+        settings.starts,
+        free,
+        width(problem, settings, optimum, free),
+    )?;
     let best = match (&problem.objective, problem.block) {
         // Nothing is left to choose: the included poses are the design.
         _ if free == 0 => problem
@@ -108,13 +112,23 @@ pub(crate) fn search_near(
 /// Most numbers that the starts of a search keep: 4 GB in single precision.
 const MOST_NUMBERS: usize = 1_000_000_000;
 
-/// Refuses a search whose tables would not fit into memory.
-fn check_room(
-    problem: &Problem,
-    settings: &DSettings,
-    optimum: &Continuous,
-    free: usize,
-) -> Result<(), DesignError> {
+/// Refuses a search that keeps too many numbers: `width` for each of n poses of each start.
+pub(crate) fn check_room(starts: usize, n: usize, width: usize) -> Result<(), DesignError> {
+    let numbers = n.saturating_mul(width).saturating_mul(starts);
+    if numbers <= MOST_NUMBERS {
+        return Ok(());
+    }
+    Err(DesignError::TooBig {
+        starts,
+        n,
+        width,
+        numbers,
+        most: MOST_NUMBERS,
+    })
+}
+
+/// Numbers that the search keeps for each pose.
+fn width(problem: &Problem, settings: &DSettings, optimum: &Continuous, free: usize) -> usize {
     let available = problem.available.iter().filter(|a| **a).count();
     let pool = match settings.method {
         Method::Search => {
@@ -123,18 +137,7 @@ fn check_room(
         }
         _ => available,
     };
-    let width = pool.max(problem.block * problem.terms);
-    let numbers = free.saturating_mul(width).saturating_mul(settings.starts);
-    if numbers <= MOST_NUMBERS {
-        return Ok(());
-    }
-    Err(DesignError::TooBig {
-        starts: settings.starts,
-        n: settings.n,
-        width,
-        numbers,
-        most: MOST_NUMBERS,
-    })
+    pool.max(problem.block * problem.terms)
 }
 
 /// No regular design of this size.

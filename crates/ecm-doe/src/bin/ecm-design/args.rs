@@ -30,7 +30,7 @@ Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
   --replicates          a pose may be chosen again       --ridge LAMBDA  a prior
   --metres-per-radian L maximin: distance in metres (default: ranges to [-1, 1])
   --search best|paper   the paper's exchange instead of the best search
-  --starts N  --iterations N  --time-limit S     budget (about 10 s; 20 maximin)
+  --starts N  --iterations N  --time-limit S     budget (about 10 s by default)
   --seed N  --threads N  threads (0: all) do not change the result
   --out FILE  --json FILE  --quiet  --skip-bad-rows
   --man  --completions SHELL  -V  -h              (ecm-design --man | man -l -)
