@@ -1,4 +1,4 @@
-"""What analyses of the same data share is worked out once: problem, noise effects and search.
+"""What analyses of the same data share is worked out once: problem and noise effects.
 
 None of them depends on the seed or the folds, so that a further analysis of the same data only
 repeats the stages that do.
@@ -14,7 +14,7 @@ from ecm.diagnosis import Stages
 from ecm.diagnosis.left_over import Unknown
 from ecm.diagnosis.problem import Problem
 
-SHARED = ("assemble", "search", "noise")
+SHARED = ("assemble", "noise")
 """Stages whose results are kept."""
 NOT_DESCRIBED = Unknown((), "", None, "")
 

@@ -94,16 +94,19 @@ def test_a_stiffer_material_is_no_effect() -> None:
 def test_two_effects_are_both_named() -> None:
     table = campaign("payload", 1.0, 4)
     diagnosis = diagnose(model(), with_effect(table, "temperature_modulus", [0.02]))
-    named = list(diagnosis.answer)
-    assert len(named) == 2, diagnosis.sentence()
-    assert any("payload" in members for members in named)
-    assert any("temperature_modulus" in members for members in named)
+    assert {members[0] for members in diagnosis.answer} == {"payload", "temperature_modulus"}
     assert diagnosis.held_out.after < 1.1
 
 
-def test_a_further_effect_that_makes_the_answer_unlikely_is_no_name(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_second_effect_explains_more_than_the_form_of_the_first_may_leave() -> None:
+    """Beside a payload 8 % of all that is explained have a name, 5 % are left without a word."""
+    table = campaign("payload", 1.0, 4)
+    for beta, second in ((0.0034, {"temperature_modulus"}), (0.0026, set())):
+        found = find_missing(model(), with_effect(table, "temperature_modulus", [beta]))
+        assert {members[0] for members in found.answer} == {"payload"} | second
+
+
+def test_an_unlikely_further_effect_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left by the form of the first effect looks like a small second one."""
     table = with_effect(campaign("payload", 1.0, 4), "temperature_modulus", [0.004])
     both = find_missing(model(), table)

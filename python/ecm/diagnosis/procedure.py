@@ -59,7 +59,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, probability, unlikely_effect, verdict
+from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -486,10 +486,11 @@ def decide(
         found = Decision(
             prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left
         )
-        unlikely = unlikely_effect(found)
-        if unlikely is None:
+        if len(accepted.effects) < 2 or not (left.remains or is_unlikely(found)):
             break
-        chosen = without(accepted.effects, unlikely)
+        # The best set of fewer effects need not be a part of this one.
+        fewer = replace(settings, most_effects=len(accepted.effects) - 1)
+        chosen = stages.search(replace(problem, settings=fewer), ranking)
     return stages.verdict(found, describe=stages.describe, white=stages.white)
 
 

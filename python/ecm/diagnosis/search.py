@@ -13,14 +13,12 @@ from scipy import special
 from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import Candidate, Problem, with_more
+from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects import Shape
 from ecm.io.arrays import B, F, I
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
 
-MATERIAL_SHARE = 0.1
-"""Share of all that is explained that each further effect must explain: what the form of a first
-effect leaves (4 to 9 %) stays below."""
 ONE_CAUSE_SHARE = 0.03
 """Share that two effects must explain beyond any single one: one cause is likelier."""
 _BEAM = 5
@@ -190,7 +188,7 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
         known = delta_chi2(problem, others)
         if total - known - item.parameters * np.log(problem.size) < problem.settings.least_bic:
             return False
-        if others and explained_share(problem, item, others, known, total) < MATERIAL_SHARE:
+        if others and explained_share(problem, item, others, known, total) < FORM_SHARE:
             return False
     # What the forms of the model's own effects leave is no further cause.
     return not chosen or total >= ONE_CAUSE_SHARE * problem.held

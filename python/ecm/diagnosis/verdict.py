@@ -35,7 +35,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
-from ecm.diagnosis.search import MATERIAL_SHARE, Ranked, delta_chi2, explained_share, without
+from ecm.diagnosis.search import Ranked, delta_chi2, explained_share, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -137,10 +137,9 @@ def verdict(
         variables = (pattern.variable,) if pattern.variable else ()
         return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
     if accepted.effects and not left.remains:
-        single = all(len(members) == 1 for members in accepted.classes)
-        named = replace(found, verdict="named" if single else "ambiguous")
-        if probability(named) >= _AS_LIKELY:
-            return named
+        if not is_unlikely(found):
+            single = all(len(members) == 1 for members in accepted.classes)
+            return replace(found, verdict="named" if single else "ambiguous")
         # Less likely than not: none of the effects counts.
         accepted, still = Accepted(checks=accepted.checks), gate.rejected
         found = replace(found, accepted=accepted)
@@ -227,15 +226,14 @@ _AS_LIKELY = 0.5
 """Least probability of a name or class: below it the contrary is likelier."""
 _LEAST_LEFT, _CHANCE = 0.003, 5.0
 """Share, and chi^2, that names leave below which less tells no more: form and chance leave them."""
+_OF_MODEL = 0.1
+"""Share of what the model's own effects explain that their forms leave at most, in that fit."""
 
 
 def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return the share of each effect in what all explain, and forms of the model's effects leave.
-
-    Such a form leaves as much as a further effect must explain.
-    """
+    """Return each effect's share in what all explain and forms of the model's effects leave."""
     total = delta_chi2(problem, effects)
-    own = total / max(total + MATERIAL_SHARE * problem.held, 1e-300)
+    own = total / max(total + _OF_MODEL * problem.held, 1e-300)
     beside = [(item, without(effects, item)) for item in effects]
     return [
         own * explained_share(problem, item, others, delta_chi2(problem, others), total)
@@ -243,16 +241,9 @@ def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
     ]
 
 
-def unlikely_effect(found: Decision) -> Candidate | None:
-    """Return the weakest of several effects with which names are less likely than not.
-
-    Where more is left than names may leave, none is said.
-    """
-    effects = found.accepted.effects
-    several = len(effects) > 1 and not found.left.remains
-    if not several or probability(replace(found, verdict="named")) >= _AS_LIKELY:
-        return None
-    return effects[int(np.argmin(_shares(found.problem, effects)))]
+def is_unlikely(found: Decision) -> bool:
+    """Whether names are less likely than not."""
+    return probability(replace(found, verdict="named")) < _AS_LIKELY
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
