@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_683, 200),
+    "python/ecm": (41_687, 200),
     "benches": (5_916, 51),
     "examples": (1_516, 13),
     "tests": (32_113, 230),

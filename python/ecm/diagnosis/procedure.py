@@ -486,7 +486,7 @@ def decide(
         found = Decision(
             prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left
         )
-        if len(accepted.effects) < 2 or not (left.remains or is_unlikely(found)):
+        if len(accepted.effects) < 2 or left.remains or not is_unlikely(found):
             break
         # The best set of fewer effects need not be a part of this one.
         fewer = replace(settings, most_effects=len(accepted.effects) - 1)

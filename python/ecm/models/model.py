@@ -59,6 +59,8 @@ _MOST_PAIRS = 12
 _MOST_SHOWN = 20
 _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
 """Steps of a fit with effects."""
+_ROUNDS = 4
+"""Most times that the shapes of several effects are chosen, each beside the others."""
 _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 """Parts of `training` that have a sentence in the fit report."""
 
@@ -501,7 +503,7 @@ class Model(Shown, EvaluatedModel):
 
     def _shaped(self, table: Table, noise: Noise, steps: Steps) -> Model:
         """The model with the shape of each free effect that explains most beside the others."""
-        forms = self._forms_of(table)
+        forms, frozen = self._forms_of(table), self.base_frozen
         # Beside the others the shape of one is chosen: a new effect needs one that has columns.
         first = {
             i: form
@@ -509,13 +511,17 @@ class Model(Shown, EvaluatedModel):
             if form is not self.effects[i].effect or self.effects[i].is_new
         }
         shaped = self._with_effects({i: form.variants(table.full)[0] for i, form in first.items()})
-        for position, form in forms.items():
-            steps.begin(_FORM.format(form.id))
-            effects = shaped.effects
-            others = (*effects[:position], *effects[position + 1 :])
-            frozen = self.base_frozen
-            best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
-            shaped = shaped._with_effects({position: best})
+        # What is right beside a bad shape of another effect need not be so beside a good one.
+        for round_ in range(_ROUNDS if len(forms) > 1 else 1):
+            before = [item.effect for item in shaped.effects]
+            for position, form in forms.items():
+                if round_ == 0:
+                    steps.begin(_FORM.format(form.id))
+                others = tuple(one for i, one in enumerate(shaped.effects) if i != position)
+                best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
+                shaped = shaped._with_effects({position: best})
+            if [item.effect for item in shaped.effects] == before:
+                break
         return shaped
 
     def _forms_of(self, table: Table) -> dict[int, Effect]:
