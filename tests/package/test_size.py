@@ -9,11 +9,11 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_687, 200),
+    "python/ecm": (41_684, 200),
     "benches": (5_916, 51),
     "examples": (1_516, 13),
     "tests": (32_113, 230),
-    "crates": (34_363, 198),
+    "crates": (34_359, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise (tests):
 a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading

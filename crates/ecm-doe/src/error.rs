@@ -69,7 +69,7 @@ pub enum DesignError {
     TooBig {
         /// Independent starts.
         starts: usize,
-        /// Design size.
+        /// Poses of each start: those to choose, or with those measured before.
         n: usize,
         /// Numbers kept for each pose of the design.
         width: usize,

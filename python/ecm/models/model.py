@@ -503,25 +503,23 @@ class Model(Shown, EvaluatedModel):
 
     def _shaped(self, table: Table, noise: Noise, steps: Steps) -> Model:
         """The model with the shape of each free effect that explains most beside the others."""
-        forms, frozen = self._forms_of(table), self.base_frozen
+        forms, own, frozen = self._forms_of(table), self.effects, self.base_frozen
         # Beside the others the shape of one is chosen: a new effect needs one that has columns.
-        first = {
-            i: form
-            for i, form in forms.items()
-            if form is not self.effects[i].effect or self.effects[i].is_new
-        }
-        shaped = self._with_effects({i: form.variants(table.full)[0] for i, form in first.items()})
-        # What is right beside a bad shape of another effect need not be so beside a good one.
-        for round_ in range(_ROUNDS if len(forms) > 1 else 1):
-            before = [item.effect for item in shaped.effects]
-            for position, form in forms.items():
-                if round_ == 0:
-                    steps.begin(_FORM.format(form.id))
-                others = tuple(one for i, one in enumerate(shaped.effects) if i != position)
-                best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
-                shaped = shaped._with_effects({position: best})
-            if [item.effect for item in shaped.effects] == before:
-                break
+        new = [i for i, form in forms.items() if form is not own[i].effect or own[i].is_new]
+        shaped = self._with_effects({i: forms[i].variants(table.full)[0] for i in new})
+        # What is right beside a bad shape of another effect need not be so beside a good one: it is
+        # chosen again once the shapes beside it have changed.
+        beside: dict[int, list[Effect]] = {}
+        for position, form in [*forms.items()] * _ROUNDS:
+            others = tuple(one for i, one in enumerate(shaped.effects) if i != position)
+            shapes = [one.effect for one in others]
+            if position not in beside:
+                steps.begin(_FORM.format(form.id))
+            elif beside[position] == shapes:
+                continue
+            beside[position] = shapes
+            best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
+            shaped = shaped._with_effects({position: best})
         return shaped
 
     def _forms_of(self, table: Table) -> dict[int, Effect]:

@@ -66,7 +66,7 @@ impl Default for MaximinSettings {
 
 /// Chains of the search; a constant, so that threads do not change the result.
 pub const CHAINS: usize = 4;
-/// Thousands of swaps per chain by default.
+/// Most thousands of swaps per chain by default.
 pub const DEFAULT_ITERATIONS: usize = 3000;
 /// Most distances that thinning computes.
 const THINNING_WORK: usize = 2_000_000_000;
@@ -355,11 +355,12 @@ fn raise_threshold(
     settings: &MaximinSettings,
     control: &Control<'_>,
 ) -> (Vec<usize>, f64, usize) {
-    let budget = match settings.iterations {
+    let (budget, settles) = match settings.iterations {
         // With a time limit the time is the budget.
-        0 if control.timed() => usize::MAX,
-        0 => DEFAULT_ITERATIONS,
-        given => given,
+        0 if control.timed() => (usize::MAX, false),
+        // Without one of the user's own the search ends once it goes on in vain for long.
+        0 => (DEFAULT_ITERATIONS, true),
+        given => (given, false),
     };
     let moves = budget.saturating_mul(1000);
     let twins = near.twins();
@@ -380,8 +381,6 @@ fn raise_threshold(
     let total = moves.saturating_mul(CHAINS);
     let done = AtomicUsize::new(0);
     let patience = (moves / 16).clamp(100, PATIENCE);
-    // Without a budget of the user's own the search ends once it goes on in vain for long.
-    let settles = settings.iterations == 0 && !control.timed();
     let mut ends = if settles { LEAST_SWAPS } else { moves };
     let (mut spent, mut round, mut reached) = (0, 0, 0.0);
     while spent < ends && !control.stop() {

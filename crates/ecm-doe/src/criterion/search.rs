@@ -51,11 +51,8 @@ pub(crate) fn search_near(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let free = settings.n - settings.include.len();
-    check_room(
-        settings.starts,
-        free,
-        width(problem, settings, optimum, free),
-    )?;
+    let width = width_of(problem, settings, optimum, free);
+    check_room(settings.starts, free, width)?;
     let best = match (&problem.objective, problem.block) {
         // Nothing is left to choose: the included poses are the design.
         _ if free == 0 => problem
@@ -128,7 +125,7 @@ pub(crate) fn check_room(starts: usize, n: usize, width: usize) -> Result<(), De
 }
 
 /// Numbers that the search keeps for each pose.
-fn width(problem: &Problem, settings: &DSettings, optimum: &Continuous, free: usize) -> usize {
+fn width_of(problem: &Problem, settings: &DSettings, optimum: &Continuous, free: usize) -> usize {
     let available = problem.available.iter().filter(|a| **a).count();
     let pool = match settings.method {
         Method::Search => {
