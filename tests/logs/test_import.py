@@ -465,3 +465,18 @@ def test_pressures_come_in_their_units(tmp_path: Path) -> None:
     # One without a number may be that of the room.
     alone = import_log({"x [mm]": one, "Fx [N]": one, "Pressure (kPa)": 3.0 * one}).table
     assert not alone.actuation_columns
+
+
+def test_a_word_in_the_place_of_a_unit_that_is_none_is_named() -> None:
+    """Once (kip) was taken in newtons in silence; now it is a unit, and other words are said."""
+    known = import_log({"x (in)": np.arange(5.0), "force x (kip)": np.arange(5.0)}).table
+    np.testing.assert_allclose(known["fx_N"], 4448.2216152605 * np.arange(5.0))
+    log = {"x (in)": np.arange(5.0), "force x (slugs)": np.arange(5.0)}
+    said = r"'slugs' is no unit.*\n.*what one of it is worth"
+    with pytest.raises(ecm.InputError, match=said) as no:
+        import_log(log)
+    assert "For example" not in str(no.value)
+    assert "'slugs' is no unit that is known: taken as N" in str(import_log(log, units=["SI"]))
+    told = import_log(log, columns={"fx_N": "force x (slugs):2.5 N"})
+    assert "is no unit" not in str(told)
+    assert told.table["fx_N"][2] == 5.0

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 import ecm
+from ecm.effects.friction import Hysteresis
 from ecm.errors import ComputationError, remedy_of
+from ecm.io.arrays import rms
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
+from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import objections, refit, refuse_addition, undetermined
 from support.neck import ROOT
+from support.one_angle import NOISE_NM, one_angle
 
 TRUE_MASS_KG = 0.2086
 """The payload that the shipped campaign hides, by its truth file."""
@@ -128,3 +132,45 @@ def test_a_right_addition_of_few_columns_is_not_refused() -> None:
     after = refit(before, drifting, add=["fts_drift"])
     refuse_addition(after, drifting, before)
     assert after.history[-1].held_out < after.history[0].held_out
+
+
+def test_a_brake_without_a_spring_gets_numbers_and_a_way_out_that_its_columns_have() -> None:
+    """All that seemed stiff was friction: beside it a linkage over its dead centre."""
+    time = 0.02 * np.arange(1500)
+    x = 0.025 * np.sin(0.9 * time)
+    stretch, stretches = 0.0, []
+    for step in np.diff(x, prepend=x[0]):
+        stretch = float(np.clip(stretch + step, -0.012, 0.012))
+        stretches.append(stretch)
+    force = 7.5e5 * np.array(stretches) - 9e4 * x + 50.0 * np.cos(7.0 * time)
+    table = ecm.as_table({"x_m": x, "fx_N": force, "time_s": time})
+    before = fit_model(table, "linear")
+    after = refit(before, table, add=["hysteresis"])
+    old, new = (float(one.stiffness(np.zeros((1, 1)))[0, 0, 0]) for one in (before, after))
+    assert old > 0.0 > new
+    with pytest.raises(ComputationError, match=r"K\(fx_N, x_m\) .* -> -.* \+- ") as refused:
+        refuse_addition(after, table, before)
+    remedy = remedy_of(refused.value)
+    assert remedy is not None
+    assert "[mechanism]" not in remedy.words
+    assert "NEXT" in remedy.words
+
+
+def test_a_pin_in_a_wider_hole_is_friction_behind_a_play() -> None:
+    """Springs that slip without a play leave more than twice of what is beyond the noise."""
+    table = one_angle("hysteresis:behind a play")
+    before = fit_model(table, "cubic")
+    after = refit(before, table, add=["hysteresis"])
+    friction = after.effects[0].effect
+    assert isinstance(friction, Hysteresis)
+    assert 0.2 < friction.play < 0.7
+    rest = np.zeros((1, 1))
+    assert after.stiffness(rest)[0, 0, 0] == pytest.approx(2.0, rel=0.02)
+    left = rms(table["tau_z_Nm"] - after.predict(table)[:, 0]) / NOISE_NM
+    pair = "theta_z_rad>tau_z_Nm"
+    without = min(
+        rms(joint_fit(before.base, [Hysteresis(of=pair, slip=f"theta_z_rad {path}")], table,
+                      before.noise).whitened)
+        for path in (0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.11, 0.12)
+    )  # fmt: skip
+    assert without**2 - 1.0 > 2.0 * (left**2 - 1.0)

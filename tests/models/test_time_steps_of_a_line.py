@@ -70,18 +70,22 @@ def test_a_rate_left_out_is_stepped_as_well_in_c(
 
 
 @pytest.mark.parametrize(
-    ("effects", "within_Nm"),
-    [(("hysteresis",), 1e-9), (("stress_relaxation", "hysteresis"), 1e-3 * NOISE_NM)],
+    ("kind", "effects", "within_Nm"),
+    [
+        ("hysteresis", ("hysteresis",), 1e-9),
+        ("hysteresis:behind a play", ("hysteresis",), 1e-9),
+        ("hysteresis", ("stress_relaxation", "hysteresis"), 1e-3 * NOISE_NM),
+    ],
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_loop_of_one_angle_is_stepped_in_c(
-    effects: tuple[str, ...], within_Nm: float, sign: float, tmp_path: Path
+    kind: str, effects: tuple[str, ...], within_Nm: float, sign: float, tmp_path: Path
 ) -> None:
     """Also where the torque falls with the angle, as the robot's torque on a motor does.
 
     A branch begins after a rest at the first row in C; in Python a short way leads there from rest.
     """
-    table = one_angle("hysteresis")
+    table = one_angle(kind)
     table = table.with_columns({"tau_z_Nm": sign * table["tau_z_Nm"]})
     static = fit_model(table, "cubic")
     model = static.add(*effects).fit(table)

@@ -32,6 +32,8 @@ def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912 - one branch 
     torque = spring(angle)
     if kind == "hysteresis":
         torque = torque + 0.04 * bouc_wen(angle, 0.03)
+    elif kind == "hysteresis:behind a play":
+        torque = torque + 0.1 * _behind_a_play(angle, 0.06, 0.01)
     elif kind == "backlash":
         torque = spring(_play(angle, 0.015))
     elif kind == "stress_relaxation":
@@ -74,6 +76,18 @@ def bouc_wen(path: F, yield_rad: float) -> F:
         for part in np.full(10, step / 10.0):
             state += part * (1.0 - (0.5 * np.sign(part * state) + 0.5) * abs(state))
         states.append(state)
+    return np.array(states)
+
+
+def _behind_a_play(path: F, width: float, soft: float) -> F:
+    """A brake behind a pin in a wider hole: the pin is free over twice the width, then its contact
+    hardens, and the brake begins to creep before it slips; 20 steps between readings."""
+    away, states = 0.0, [0.0]
+    for step in np.diff(path):
+        for part in np.full(20, step / 20.0):
+            touch = np.sign(away) * -np.expm1(-max(abs(away) - width, 0.0) / soft)
+            away += part * (1.0 - touch**4 if touch * part > 0.0 else 1.0)
+        states.append(float(np.sign(away) * -np.expm1(-max(abs(away) - width, 0.0) / soft)))
     return np.array(states)
 
 

@@ -448,6 +448,13 @@ fn a_single_coordinate_is_the_first_of_six() {
     (rubs.friction[0], rubs.slip[0]) = (20.0, 0.05);
     let there_and_back = steps(rubs, &[(0.1, 0.1), (0.075, 0.1)]);
     assert_eq!(there_and_back, [[11.0, 100.0], [8.0, 120.0]]);
+    // Nothing is added within a play: on the way there, and on the way back after the slip.
+    rubs.play[0] = 0.025;
+    let way = [(0.01, 0.1), (0.1, 0.1), (0.0625, 0.1), (0.015625, 0.1)];
+    let found = steps(rubs, &way);
+    assert_eq!(found[..3], [[1.0, 100.0], [10.5, 100.0], [6.25, 100.0]]);
+    assert!((found[3][0] - (1.5625 + 20.0 * (0.015625 - 0.05 + 0.025))).abs() < 1e-12);
+    assert_eq!(found[3][1], 120.0);
 }
 
 /// A clock that ticks twice at once gives a dt whose inverse overflows.

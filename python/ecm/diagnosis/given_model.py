@@ -37,7 +37,6 @@ from ecm.models.literature import LEARNED
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
-from ecm.regression.folds import spread_rows
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
@@ -124,8 +123,6 @@ def _is_a_specimen(item: Convention, poses: F, wrench: F) -> bool:
 
 Answer = Literal["fits", "inputs", "numbers", "form", "effect", "table", "noise"]
 Reason = Literal["", "rows", "weak"]
-_MOST_ROWS = 1000
-"""Rows that a refit of the same kind uses."""
 _FAR = 2.0
 """A reading, or a model without inputs, may leave so many times the error of a fitted base."""
 _OF_ITS_OWN = 1.5
@@ -542,7 +539,6 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
         None for a map that is learned or has no coefficients, and where half of the numbers or
         more would be coefficients.
     """
-    table = table.subsample(spread_rows(table, _MOST_ROWS))
     base = model.base
     if base.kind in LEARNED or not len(base.coefficients):
         return None

@@ -47,6 +47,8 @@ _SPRINGS, _MEAN_PATHS, _LONGEST = 5, (0.15, 0.4), 0.6
 what never does is a stiffness."""
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """The same along single pose columns, over the range of each."""
+_PLAY, _PLAY_SLIPS = 0.5, (0.1, 0.3)
+"""Share of the path that is play, and the paths with which it is tried."""
 
 _STRAIGHT = 0.95
 """Cosine between way and deflection from which the way follows from the pose."""
@@ -63,7 +65,8 @@ class Hysteresis(LinearEffect):
 
     With fewer than the twelve columns there is no frame, and the stiffness may be far from that of
     the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
-    where the loops of the motion lose work.
+    where the loops of the motion lose work. A spring behind a play g y, as in gears, pins and
+    tendons, pulls once that is used up: c sign(z) max(0, |z| - g y) / (y - g y).
 
     Parameters: c: displacement whose static wrench is the friction; c_*: the same for this
     coordinate; friction_*: force or moment that the friction holds.
@@ -99,6 +102,8 @@ class Hysteresis(LinearEffect):
     """Pairs of columns (`ecm.effects.pairs`) along which springs slip; None: all twelve."""
     slip: str = optional("")
     """Path to the slip of each pose column, m or rad: of the pairs, or of `each` coordinate."""
+    play: float = optional(0.0)
+    """Share of the path, from 0 to below 1, along which a spring of the pairs does not pull."""
 
     def __post_init__(self) -> None:
         if self.of is not None:
@@ -149,7 +154,10 @@ class Hysteresis(LinearEffect):
         if self.of is not None:
             of = ",".join(resisting_pairs(table))
             span = {name: spans(table)[name] for name in names_of(of)}
-            return tuple(Hysteresis(of=of, slip=listed_numbers(span, s)) for s in _SLIPS)
+            forms = [(s, 0.0) for s in _SLIPS] + [(s, _PLAY) for s in _PLAY_SLIPS]
+            return tuple(
+                Hysteresis(of=of, slip=listed_numbers(span, s), play=play) for s, play in forms
+            )
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
@@ -162,14 +170,19 @@ class Hysteresis(LinearEffect):
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Paths to the slip between this one and its neighbours."""
+        """Paths to the slip between this one and its neighbours, and the share that is play."""
         if self.slip:
             longest = np.inf
             if self.of is None:
                 longest = _LONGEST * _spread(table)["x_m"] / numbers(self.slip)["x_m"]
             factors = (one for one in beside(1.0, 2.0 ** (0.5**round_)) if one < longest)
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
-            return tuple(replace(self, slip=slip) for slip in slips)
+            shapes = [replace(self, slip=slip) for slip in slips]
+            if self.of is not None:
+                pulls = beside(1.0 - self.play, 2.0 ** (0.5**round_))
+                plays = [float(f"{1.0 - share:.3g}") for share in pulls if share < 1.0]
+                shapes += [replace(self, play=play) for play in plays]
+            return tuple(shapes)
         return self.nearby("yield_m", 2.4 ** (0.5 ** (round_ + 1)), 1.01 * max(_paths(table)))
 
     def columns(self, rows: Rows) -> F:
@@ -192,13 +205,13 @@ class Hysteresis(LinearEffect):
         return np.asarray(stiffness @ direction[:, :, None])
 
     def _of_a_spring(self, rows: Rows, name: str) -> F:
-        """(N,) z / y along one pose column, from the first row of each run."""
+        """(N,) force over c along one pose column, from the first row of each run."""
         limit, values = numbers(self.slip)[name], rows.table.column(name)
-        friction = np.zeros(len(rows))
+        stretch = np.zeros(len(rows))
         for order in order_of_visits(rows.table):
             path = (values[order] - values[order[0]])[:, None]
-            friction[order] = (path - play(path, limit))[:, 0] / limit
-        return friction
+            stretch[order] = (path - play(path, limit))[:, 0] / limit
+        return np.sign(stretch) * np.maximum(np.abs(stretch) - self.play, 0.0) / (1.0 - self.play)
 
     def _of_slipping_springs(self, rows: Rows) -> F:
         """(N, 6, k) force of springs that slip: one column, or one for each coordinate."""
@@ -279,6 +292,7 @@ class SealFriction(LinearEffect):
             for name in table.actuation_columns
             if np.ptp(table.column(name)) > 0.0
             for form in plain
+            if "play" not in form.shape
         )
 
     def plain_form(self) -> Hysteresis:
@@ -288,7 +302,8 @@ class SealFriction(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
         others = self.plain_form().refined(table, round_)
-        return tuple(replace(self, slip=str(other.shape["slip"])) for other in others)
+        plain = (other.shape for other in others if "play" not in other.shape)
+        return tuple(replace(self, slip=str(shape["slip"])) for shape in plain)
 
     def columns(self, rows: Rows) -> F:
         """(N, m, 2 k) the springs' forces, and these times the input."""

@@ -45,7 +45,8 @@ _ANGLES = {"rad": 1.0, "mrad": 1e-3, "grad": math.pi / 200.0, "rev": 2.0 * math.
     ("deg", "degree", "degrees", "°"), math.pi / 180.0
 )
 _FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "gf": _GF_N, "kgf": 1e3 * _GF_N, "lbf": _LBF_N,
-           "lb": _LBF_N, "lbs": _LBF_N, "ozf": _LBF_N / 16.0}  # fmt: skip
+           "lb": _LBF_N, "lbs": _LBF_N, "ozf": _LBF_N / 16.0, "daN": 10.0, "uN": 1e-6, "µN": 1e-6,
+           "kip": 1e3 * _LBF_N, "kips": 1e3 * _LBF_N, "MN": 1e6}  # fmt: skip
 _TIMES = {
     "ms": 1e-3,
     "us": 1e-6,

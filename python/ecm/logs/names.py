@@ -166,7 +166,7 @@ _IGNORED = frozenset(
     {"pose", "tool", "tcp", "tip", "top", "platform", "marker", "rigid", "body", "ft", "fts", "ati"}
     | {"sensor", "measured", "actual", "meas", "robot", "ee", "end", "effector", "wrench", "msg"}
     | {"transform", "data", "value", "raw", "mean", "avg", "signal", "channel", "ch", "stamped"}
-    | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw"}
+    | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw", "mocap", "vicon", "tracker"}
 )
 """Words that say where or how something was measured, not what."""
 _SIDES = frozenset({"r", "l", "right", "left"})
@@ -214,6 +214,19 @@ def _of_chambers(word: str) -> Unit | None:
     small = bare.lower().replace("³", "3").replace("^", "")
     dimension = next((name for name, own in _OF_CHAMBERS.items() if small in own), "")
     return Unit(bare, dimension, _OF_CHAMBERS[dimension][small]) if dimension else None
+
+
+def unknown_unit(name: str, unit_word: str = "") -> str:
+    """Return what stands in the place of a column's unit and is none that is known; else "".
+
+    Examples
+    --------
+    >>> unknown_unit("Force (furlong)"), unknown_unit("Force (lbf)"), unknown_unit("Force")
+    ('furlong', '', '')
+    """
+    bracket = _BRACKET.fullmatch(name)
+    word = unit_word or (bracket[2] if bracket is not None else "")
+    return "" if find_unit(word) is not None or is_other_unit(word) else word
 
 
 def is_no_reading(name: str) -> bool:

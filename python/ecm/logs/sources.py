@@ -35,7 +35,15 @@ from ecm.io.description import shown_ranges
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
 from ecm.logs.log import Log
-from ecm.logs.names import Answer, Named, Question, find_unit, ranges, trailing_units
+from ecm.logs.names import (
+    Answer,
+    Named,
+    Question,
+    find_unit,
+    ranges,
+    trailing_units,
+    unknown_unit,
+)
 
 COUNT = {
     "rotvec": 3, "wxyz": 4, "xyzw": 4, "rows": 9, "columns": 9,
@@ -380,7 +388,7 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     without = [(name, entry.column) for name, entry in found.items() if entry.unit is _UNSTATED]
     if not without:
         return
-    lines, words = [], dict[str, str]()
+    lines, words, worth = [], dict[str, str](), list[str]()
     for standard, column in without:
         dimension = _dimension(standard)
         first, second = _SI[dimension], _USUAL[dimension]
@@ -388,15 +396,19 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
         known = log.columns[column][np.isfinite(log.columns[column])]
         extent = f"{known.min():.4g} to {known.max():.4g}" if len(known) else "no numbers"
         lines.append(f"  {column}: {extent}, in {first} or in {second}?")
+        if unknown := unknown_unit(column, log.units.get(column, "")):
+            lines[-1] += f" '{unknown}' is no unit that is known"
+            worth.append(f'--map "{standard}={column}:NUMBER {first}"')
     other = ",".join(words.values())
     usual = [word for dimension, word in _BENCH.items() if dimension in words]
+    answers = [Answer({"units": ["SI"]}), Answer({"units": usual})]
     raise Question(
         f"{source}: no unit is stated for {len(without)} column(s):\n"
         + "\n".join(lines[:12])
         + f'\nSay it once for all: --units SI (m, rad, N, N m), or e.g. --units "{other}"; '
-        "for one column --map NAME=COLUMN:UNIT.",
-        Answer({"units": ["SI"]}),
-        Answer({"units": usual}),
+        "for one column --map NAME=COLUMN:UNIT"
+        + (f", or what one of it is worth: {worth[0]}." if worth else "."),
+        *(() if worth else answers),
     )
 
 
@@ -414,6 +426,9 @@ def standard_columns(
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         found[name] = entry.sign * values
         words[name] = _words(entry)
+        unknown = unknown_unit(entry.column, log.units.get(entry.column, ""))
+        if unknown and find_unit(entry.unit.word) is not None:
+            words[name] += f", '{unknown}' is no unit that is known: taken as {entry.unit.word}"
     notes = list(mapped.notes)
     usable = np.ones(len(log), dtype=bool)
     if mapped.rotation is not None:

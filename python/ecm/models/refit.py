@@ -230,11 +230,11 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         f"{new[i, j]:.4g} +- {own[0, i, j]:.2g}, which these rows do not determine"
         for i, j in places[:1]
     ]
-    return reasons + _lost_signs(fitted, old, new, old > _SD * wide * known[0])
+    return reasons + _lost_signs(fitted, old, new, own[0], old > _SD * wide * known[0])
 
 
-def _lost_signs(fitted: Model, old: F, new: F, positive: B) -> list[str]:
-    """Directions in which the stiffness at rest was surely positive and is not any more."""
+def _lost_signs(fitted: Model, old: F, new: F, sd: F, positive: B) -> list[str]:
+    """The direction in which the stiffness at rest was surely positive and is not any more."""
     pairs = [
         (fitted.outputs.index(output), fitted.inputs.index(name))
         for name, output in zip(POSE, WRENCH, strict=True)
@@ -244,15 +244,23 @@ def _lost_signs(fitted: Model, old: F, new: F, positive: B) -> list[str]:
     if not pairs:
         return []
     rows, columns = map(list, zip(*pairs, strict=True))
+    root = np.sqrt(np.diag(old[np.ix_(rows, columns)]))
 
-    def least(stiffness: F) -> float:
-        block = stiffness[np.ix_(rows, columns)]
-        root = np.sqrt(np.diag(old[np.ix_(rows, columns)]))
-        return float(np.linalg.eigvalsh((block + block.T) / 2.0 / np.outer(root, root)).min())
+    def least(stiffness: F) -> tuple[float, int]:
+        """The least eigenvalue, and the pair with the largest part in its direction."""
+        block = stiffness[np.ix_(rows, columns)] / np.outer(root, root)
+        values, vectors = np.linalg.eigh((block + block.T) / 2.0)
+        return float(values[0]), int(np.abs(vectors[:, 0]).argmax())
 
-    if least(old) <= 0.0 or least(new) > 0.0:
+    value, largest = least(new)
+    if least(old)[0] <= 0.0 or value > 0.0:
         return []
-    return ["the stiffness at rest, positive before, has a direction in which it is not any more"]
+    i, j = pairs[largest]
+    return [
+        "the stiffness at rest, positive before, has a direction in which it is not any more: "
+        f"K({fitted.outputs[i]}, {fitted.inputs[j]}) {old[i, j]:.3g} -> {new[i, j]:.3g} +- "
+        f"{sd[i, j]:.2g}"
+    ]
 
 
 def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
@@ -289,16 +297,22 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
             continue
         if not objections(found, table, base) and _better_base(found, table) is None:
             added = " ".join(f"--add {id}" for id in ids)
+            over = "the base's own residual" if found.noise.is_residual else "the noise"
             return Remedy(
-                f"{name} with {' and '.join(ids)} errs {found.history[-1].held_out:.3g} times the "
-                "noise on held-out rows",
+                f"{name} with {' and '.join(ids)} errs {found.history[-1].held_out:.3g} times "
+                f"{over} on held-out rows",
                 f"ecm fit DATA --model {name} {added} --out OUT",
             )
+    if stated:
+        return Remedy("leave out what was added, or add something else")
+    if not six:  # no physics can tell the stiffness
+        return Remedy(
+            "first record what tells it from the stiffness, as NEXT of ecm diagnose says, or "
+            "add it for predictions alone (ecm refit --force)"
+        )
     return Remedy(
         "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
         "physics knows the stiffness"
-        if not stated
-        else "leave out what was added, or add something else"
     )
 
 

@@ -298,8 +298,10 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
             return _NOT_ALONG_A_LINE
         name, _, sign = split(effect.of)
         path = numbers(effect.slip)[name]
-        found.document["friction"] = _single(sign * float(values[0]) / path)
+        pulls = path * (1.0 - effect.play)
+        found.document["friction"] = _single(sign * float(values[0]) / pulls)
         found.document["slip"] = _single(path)
+        found.document["play"] = _single(path - pulls)
         return ""
     if effect.yield_m <= 0.0:
         return (

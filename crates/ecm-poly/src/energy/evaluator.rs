@@ -24,43 +24,29 @@ pub(crate) trait Evaluate: Copy + Sync {
     ) -> (Wrench<f64>, Mat6<f64>);
 }
 
-impl<const S: usize> Evaluate for EnergyPlan<'_, f64, S> {
-    #[inline(always)]
-    fn energy<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> f64 {
-        self.energy::<A>(pose)
-    }
-    #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.wrench::<A>(pose)
-    }
-    #[inline(always)]
-    fn wrench_and_stiffness<A: Arithmetic<f64>>(
-        &self,
-        pose: &Pose<f64>,
-        kind: StiffnessKind,
-    ) -> (Wrench<f64>, Mat6<f64>) {
-        self.wrench_and_stiffness::<A>(pose, kind)
-    }
+macro_rules! evaluate {
+    ($($plan:ident),*) => {$(
+        impl<const N: usize> Evaluate for $plan<'_, f64, N> {
+            #[inline(always)]
+            fn energy<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> f64 {
+                self.energy::<A>(pose)
+            }
+            #[inline(always)]
+            fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
+                self.wrench::<A>(pose)
+            }
+            #[inline(always)]
+            fn wrench_and_stiffness<A: Arithmetic<f64>>(
+                &self,
+                pose: &Pose<f64>,
+                kind: StiffnessKind,
+            ) -> (Wrench<f64>, Mat6<f64>) {
+                self.wrench_and_stiffness::<A>(pose, kind)
+            }
+        }
+    )*};
 }
-
-impl<const B: usize> Evaluate for SimdPlan<'_, f64, B> {
-    #[inline(always)]
-    fn energy<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> f64 {
-        self.energy::<A>(pose)
-    }
-    #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.wrench::<A>(pose)
-    }
-    #[inline(always)]
-    fn wrench_and_stiffness<A: Arithmetic<f64>>(
-        &self,
-        pose: &Pose<f64>,
-        kind: StiffnessKind,
-    ) -> (Wrench<f64>, Mat6<f64>) {
-        self.wrench_and_stiffness::<A>(pose, kind)
-    }
-}
+evaluate!(EnergyPlan, SimdPlan);
 
 /// Work with an evaluation.
 pub(crate) trait Work {

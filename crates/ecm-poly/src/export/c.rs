@@ -245,6 +245,7 @@ impl Steps {
                 ("LINEAR", &branch(|b| f64::from(u8::from(b.linear)))),
                 ("FRICTION", &row(&effects.friction[..n])),
                 ("SLIP", &row(&effects.slip[..n])),
+                ("PLAY", &row(&effects.play[..n])),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("GROWTH", &number(effects.growth_per_kelvin)),

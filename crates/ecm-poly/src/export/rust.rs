@@ -325,6 +325,7 @@ fn steps<R: Real>(
             ("BRANCHES", &list(branches)),
             ("FRICTION", &row(&effects.friction)),
             ("SLIP", &row(&effects.slip)),
+            ("PLAY", &row(&effects.play)),
             ("WARMER", &number(effects.softer_per_kelvin)),
             ("REFERENCE", &number(effects.reference_degc)),
             ("GROWTH", &number(effects.growth_per_kelvin)),

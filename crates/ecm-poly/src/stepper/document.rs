@@ -46,6 +46,7 @@ impl Effects<f64> {
         effects.stiffness = numbers(document, "stiffness")?;
         effects.friction = numbers(document, "friction")?;
         effects.slip = numbers(document, "slip")?;
+        effects.play = numbers(document, "play")?;
         effects.damping = numbers(document, "damping")?;
         effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
@@ -113,6 +114,7 @@ impl Effects<f64> {
             }),
             friction: six(&self.friction),
             slip: six(&self.slip),
+            play: six(&self.play),
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
             growth_per_kelvin: R::from_f64(self.growth_per_kelvin),

@@ -33,6 +33,8 @@ pub struct Effects<R> {
     pub friction: Vec6<R>,
     /// Stretch (m, rad) at which each of them slips.
     pub slip: Vec6<R>,
+    /// Stretch (m, rad) up to which each of them does not pull: a play.
+    pub play: Vec6<R>,
     /// β (1/K): h (1 − β (T − T0)).
     pub softer_per_kelvin: R,
     /// T0 (°C).
@@ -72,6 +74,7 @@ impl<R: Real> Effects<R> {
             branches: [branch; BRANCHES],
             friction: [R::ZERO; 6],
             slip: [R::ZERO; 6],
+            play: [R::ZERO; 6],
             softer_per_kelvin: R::ZERO,
             reference_degc: R::ZERO,
             growth_per_kelvin: R::ZERO,

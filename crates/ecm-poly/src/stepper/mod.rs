@@ -7,8 +7,8 @@
 //!
 //! m ← m + s Δx − (1 − e^(−dt/τ)) m,  s = (1 − e^(−dt/τ)) τ/dt,  x = k q or Q(q),
 //!
-//! and a spring that slips z ← clamp(z + Δq, ±limit). The wrench is that of Σ g m + κ z, turned with
-//! the mid frame: stress stays with the material, and a turn of the base turns everything.
+//! and a spring that slips z ← clamp(z + Δq, ±limit), which may pull beyond a play w only: it adds
+//! κ (z − clamp(z, ±w)) to the Σ g m. The wrench is that of this sum, turned with the mid frame: stress stays with the material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
 //! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
 //! A map of a single coordinate is one along x, of length 0: where θ = 0 the mid frame turns nothing.
@@ -156,17 +156,14 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                     steep[j][j] += branch.share * decay.share * effects.stiffness[j];
                 }
             }
-            let (limit, spring) = (effects.slip[j], effects.friction[j]);
+            let (limit, play, spring) = (effects.slip[j], effects.play[j], effects.friction[j]);
             let wanted = state.stretch[j] + along;
-            state.stretch[j] = if wanted > limit {
-                limit
-            } else if wanted < -limit {
-                -limit
-            } else {
+            let stretch = limited(wanted, limit);
+            state.stretch[j] = stretch;
+            if -limit <= wanted && wanted <= limit && !(-play < stretch && stretch < play) {
                 steep[j][j] += spring;
-                wanted
-            };
-            total[j] += spring * state.stretch[j];
+            }
+            total[j] += spring * (stretch - limited(stretch, play));
         }
         let (largest, softer) = self.softer(&here, state.largest);
         let size = self.effects.size(inputs);
@@ -382,5 +379,15 @@ impl<R: Real> Here<R> {
             force: self.wrench.force.map(|x| factor * x),
             torque: self.wrench.torque.map(|x| factor * x),
         }
+    }
+}
+
+fn limited<R: Real>(x: R, limit: R) -> R {
+    if x > limit {
+        limit
+    } else if x < -limit {
+        -limit
+    } else {
+        x
     }
 }

@@ -71,6 +71,7 @@ pub fn effects() -> Effects<f64> {
     }
     effects.friction = effects.stiffness.map(|k| 0.3 * k);
     effects.slip = [2e-3, 2e-3, 2e-3, 0.05, 0.05, 0.05];
+    effects.play = [0.0, 1e-3, 5e-4, 0.02, 0.0, 0.03];
     effects.softer_per_kelvin = 5e-3;
     effects.reference_degc = 21.5;
     effects.growth_per_kelvin = 2e-5;

@@ -10,6 +10,7 @@ static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
 static const real friction_of[@N@] = {@FRICTION@};
 static const real slip_of[@N@] = {@SLIP@};
+static const real play_of[@N@] = {@PLAY@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real settling_per_s = R(@SETTLING@), growth_per_kelvin = R(@GROWTH@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
@@ -136,6 +137,14 @@ static int32_t refuse(real *h, real *k)
     return 0;
 }
 
+static real limited(real x, real limit)
+{
+    if (x > limit) {
+        return limit;
+    }
+    return x < -limit ? -limit : x;
+}
+
 int32_t @NAME@_init(state_t *state, const real p[@N@])
 {
     here_t here;
@@ -182,6 +191,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         const real along = here.frame.q[j] - state->coordinates[j];
         const real driven = here.force[j] - state->force[j];
         const real wanted = state->stretch[j] + along;
+        real stretch;
         total[j] = R(0);
         for (int32_t b = 0; b < 2; b++) {
             const real x = linear_of[b] > R(0) ? stiffness_at_rest[j] * along : driven;
@@ -194,15 +204,13 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
             total[j] += share_of[b] * now;
             steep[(@N@ + 1) * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
         }
-        if (wanted > slip_of[j]) {
-            state->stretch[j] = slip_of[j];
-        } else if (wanted < -slip_of[j]) {
-            state->stretch[j] = -slip_of[j];
-        } else {
-            state->stretch[j] = wanted;
+        stretch = limited(wanted, slip_of[j]);
+        state->stretch[j] = stretch;
+        if (-slip_of[j] <= wanted && wanted <= slip_of[j]
+            && !(-play_of[j] < stretch && stretch < play_of[j])) {
             steep[(@N@ + 1) * j] += friction_of[j];
         }
-        total[j] += friction_of[j] * state->stretch[j];
+        total[j] += friction_of[j] * (stretch - limited(stretch, play_of[j]));
     }
     if (grows) {
         state->largest = here.work;
