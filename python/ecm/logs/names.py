@@ -166,7 +166,7 @@ _IGNORED = frozenset(
     {"pose", "tool", "tcp", "tip", "top", "platform", "marker", "rigid", "body", "ft", "fts", "ati"}
     | {"sensor", "measured", "actual", "meas", "robot", "ee", "end", "effector", "wrench", "msg"}
     | {"transform", "data", "value", "raw", "mean", "avg", "signal", "channel", "ch", "stamped"}
-    | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw", "mocap", "vicon", "tracker"}
+    | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw", "mocap", "vicon"}
 )
 """Words that say where or how something was measured, not what."""
 _SIDES = frozenset({"r", "l", "right", "left"})
