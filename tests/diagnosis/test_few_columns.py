@@ -543,3 +543,21 @@ def test_forces_alone_are_diagnosed_again_after_an_effect_of_six_columns(effect:
     table = campaign(effect, 3.0, 4).drop(*WRENCH[3:])
     model = ecm.fit(table, "linear").add(effect).fit(table)
     assert effect not in {members[0] for members in find_missing(model, table).answer}
+
+
+def test_one_loop_without_a_clock_is_friction_and_no_cause_that_follows_the_rows() -> None:
+    """Along one loop the order of the rows explains all, friction all but the error of its form."""
+    angle = 0.9 * np.sin(np.linspace(0.0, 2.0 * np.pi, 150))
+    torque = spring(angle) + 0.15 * bouc_wen(angle, 0.08)
+    torque += 2e-3 * np.random.default_rng(0).standard_normal(len(angle))
+    table = ecm.as_table({"theta_z_rad": angle, "tau_z_Nm": torque})
+    assert "so their order is taken as that of measuring" in str(ecm.check(table))
+    model = ecm.fit(table, "cubic")
+    assert find_missing(model, table).answer == (("hysteresis",),)
+    added = ecm.refit(model, table, add="hysteresis")
+    assert added.history[-1].held_out < 0.2 * added.history[0].held_out
+    # Rows that were sorted tell no way there.
+    by_angle = table.select(np.argsort(angle, kind="stable"))
+    assert find_missing(model, by_angle).not_testable["hysteresis"].reason == "one direction only"
+    shuffled = table.select(np.random.default_rng(0).permutation(len(angle)))
+    assert find_missing(model, shuffled).not_testable["hysteresis"].reason == "no column time_s"

@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_684, 200),
+    "python/ecm": (41_744, 200),
     "benches": (5_916, 51),
     "examples": (1_516, 13),
-    "tests": (32_113, 230),
+    "tests": (32_202, 230),
     "crates": (34_359, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise (tests):
-a further effect that makes an answer unlikely, a strong term beside an effect, what is no reading
-of a pose, units of pressure, a name whose error does not fall, and selections of tests that a page
-names (65 in all), and wear by its largest energy and its memory (9)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
+real loops of a damper and of laminates: friction behind a play, an order without a clock, units
+that are not known, and what the form of an effect loses as noise (60 in the package, 89 in the
+tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

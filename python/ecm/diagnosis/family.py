@@ -5,11 +5,13 @@ the pose, the largest load so far, a recorded column. Each driver is a smooth pr
 columns C, the base projected out, w ~ N(0, s^2 I): with the noise's variance integrated over its
 inverse gamma prior, the evidence of a size s is
 
-    log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(v + y'y - sum_j g_j (u_j'y)^2),
+    log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(f + y'y - sum_j g_j (u_j'y)^2),
 
-g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C. Sizes are summed over a grid. The posterior compares
-the drivers with each other, with a process of the pose, which is no family, with nothing, and with
-effects that may be named: a process of their columns, each of one length.
+g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C; f is v and what the form of an effect may lose of the
+most that a process explains: with little noise it would else tell all. Sizes are summed over a
+grid. The posterior compares the drivers with each other, with a process of the pose, which is no
+family, with nothing, and with effects that may be named: a process of their columns, each of one
+length.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
-from ecm.regression.history import before_each, largest_so_far, row_before
+from ecm.regression.history import before_each, has_order, largest_so_far, row_before
 from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
@@ -191,7 +193,6 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     freedom = y.size - base.shape[1]
 
     drivers = tuple(_drivers(problem))
-    nothing = -0.5 * (known + freedom) * np.log(known + y @ y)
     processes = [*(driver.forms for driver in drivers), (_of_pose(problem),)]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
@@ -199,15 +200,20 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
         zero = fit.at_bound & (np.abs(fit.theta) < _ZERO)
         within = (fit.columns >= problem.n_base) & ~zero
         processes.append((problem.design[:, :, fit.columns[within]],))
-    logs = [
-        _mean_of_logs([_evidence(beside_base(form), y, freedom, known) for form in forms])
-        for forms in processes
-    ]
-    gains = np.append(np.array(logs) - nothing, 0.0)
-    # A process is no more exact than the form of an effect: what that may lose tells nothing. Nor
-    # does what an effect of the model may, beyond which named ones explain.
-    held = 0.0 if named else 0.5 * problem.held
-    unit = max(1.0, FORM_SHARE * max(float(gains.max()), held))
+    fits = [[_of_sizes(beside_base(form), y) for form in forms] for forms in processes]
+    # A process is no more exact than the form of an effect: what that may lose is as noise, and
+    # tells nothing. Nor does what an effect of the model may, beyond which named ones explain.
+    held = 0.0 if named else problem.held
+    explained = float(y @ y) - min(float(left.min()) for some in fits for left, _ in some)
+    floor = known + FORM_SHARE * max(explained, held)
+
+    def gain(left: F, cost: F) -> float:
+        fall = np.log((floor + y @ y) / (floor + left))
+        return _mean_of_logs(0.5 * (known + freedom) * fall - cost)
+
+    of_all = [_mean_of_logs([gain(*one) for one in some]) for some in fits]
+    gains = np.array([*of_all, 0.0])
+    unit = max(1.0, FORM_SHARE * max(float(gains.max()), 0.5 * held))
     shares = np.exp((gains - gains.max()) / unit)
     # Before the data nothing is as likely as all else together.
     shares[-1] *= len(processes)
@@ -220,16 +226,15 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     return Posterior(drivers, tuple(of_drivers), of_pose, of_effects, of_nothing)
 
 
-def _evidence(columns: F, y: F, freedom: int, known: float) -> float:
-    """Return log p(y) of a process of columns (r, q), summed over its sizes."""
+def _of_sizes(columns: F, y: F) -> tuple[F, F]:
+    """Squares that a process of columns (r, q) leaves with each of its sizes, and their cost."""
     u, d, _ = svd(columns)
     if not d.size or d[0] <= 1e-9:
-        return -np.inf
+        return np.array([y @ y]), np.array([np.inf])
     d = d / np.sqrt((d**2).sum() / y.size)
     gain = (_SIZES[:, None] * d) ** 2
     left = y @ y - (gain / (1.0 + gain)) @ (u.T @ y) ** 2
-    log = -0.5 * np.log1p(gain).sum(axis=1) - 0.5 * (known + freedom) * np.log(known + left)
-    return _mean_of_logs(log)
+    return left, 0.5 * np.log1p(gain).sum(axis=1)
 
 
 def _mean_of_logs(logs: Sequence[float] | F) -> float:
@@ -274,7 +279,7 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     if np.ptp(rest) > 0.0:
         forms = _factors(problem, _cosines(rest, 3))
         yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", forms, "dwell_s")
-    if table.has("time_s") or table.has("approach"):
+    if has_order(table) or table.has("approach"):
         yield from _of_history(problem, _before(problem.rows))
 
 
@@ -306,7 +311,7 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     yield Driver("the pose before", (), "both_sides", (_free(problem, visit),), "", visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
-    if problem.table.has("time_s"):
+    if has_order(problem.table):
         # Stiff directions add more to the energy than to the deflection.
         sizes = [one / rms(one) for one in (size, _work(whole)) if np.ptp(one) > 0.0]
         forms = tuple(f for one in sizes for f in _factors(problem, _of_memory(rows, one)))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ecm.effects.pairs import needs_order
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -15,7 +16,6 @@ from ecm.effects.protocol import (
     TimedEffect,
     listed,
     needs_columns,
-    needs_time,
     needs_varying,
     optional,
 )
@@ -33,8 +33,8 @@ _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 
 
 def _needs_unloading(table: Table) -> Missing | None:
-    """Missing without time, or where no row lies below an earlier, larger load."""
-    if (lacking := needs_time(table)) is not None:
+    """Missing without an order, or where no row lies below an earlier, larger load."""
+    if (lacking := needs_order(table)) is not None:
         return lacking
     if not table.wrench_columns:
         return Missing("no wrench column", "a force or a torque", absent=True)
@@ -235,7 +235,7 @@ class MullinsSoftening(TimedEffect):
     def __post_init__(self) -> None:
         if self.load_width is not None:
             self.physics = "The material is softer below the largest load that it has had."
-            self.needs = "time (time_s), and loads after larger ones"
+            self.needs = "time (time_s), or rows step by step, and loads after larger ones"
 
     def missing(self, table: Table) -> Missing | None:
         """Needs what `requires` says; with fewer columns a load below an earlier one."""

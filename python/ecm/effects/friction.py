@@ -110,7 +110,7 @@ class Hysteresis(LinearEffect):
             self.physics = (
                 "Internal friction: the wrench depends on the direction of motion, at any speed."
             )
-            self.needs = "time (time_s), and motion both ways"
+            self.needs = "time (time_s), or rows step by step, and motion both ways"
             self.parameters = per_pair(self.of, "friction", lower=0.0)
             lacking = [name for name in names_of(self.of) if name not in numbers(self.slip)]
             if lacking:

@@ -16,7 +16,7 @@ from ecm.effects.protocol import Missing, Parameter, needs_time
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.table import Table
-from ecm.regression.history import order_of_visits
+from ecm.regression.history import has_order, order_of_visits
 from ecm.regression.rows import Rows, derived_columns
 
 _MOST = 6
@@ -110,7 +110,7 @@ def _of_losing_loops(table: Table, found: Sequence[str]) -> list[str]:
     """The pairs of one axis among these whose closed loops lose work in the mechanism."""
     own = [pair for pair in found if _is_own(*split(pair)[:2])]
     measured = table.measured()
-    if not own or not measured.has("time_s"):
+    if not own or not has_order(measured):
         return []
     left = _beside_poses_and_loads(measured, [split(pair)[1] for pair in own])
     orders = order_of_visits(measured)
@@ -207,9 +207,14 @@ def needs_motion(table: Table) -> Missing | None:
     return Missing("nothing moves", "poses and wrenches that vary")
 
 
+def needs_order(table: Table) -> Missing | None:
+    """Missing without time where the rows do not go step by step either."""
+    return None if has_order(table) else needs_time(table)
+
+
 def needs_both_ways(table: Table) -> Missing | None:
-    """Missing where no pose column goes up and down in the order of time."""
-    if (lacking := needs_time(table) or needs_motion(table)) is not None:
+    """Missing where no pose column goes up and down in the order of measuring."""
+    if (lacking := needs_order(table) or needs_motion(table)) is not None:
         return lacking
     for name in spans(table):
         steps = np.concatenate(

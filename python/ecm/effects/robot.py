@@ -345,7 +345,7 @@ class Backlash(_JointEffect, LinearEffect):
             self.physics = (
                 "Play between the measured pose and the mechanism: it stays behind by the play."
             )
-            self.needs = "time (time_s), and motion both ways"
+            self.needs = "time (time_s), or rows step by step, and motion both ways"
             self.requires = (needs_both_ways,)
             self.parameters = tuple(
                 Parameter(f"play_{short(n)}", unit_of(n), w, 0.0, _MOST_OF_A_WIDTH * w)

@@ -47,7 +47,7 @@ def values_before(table: Table, names: Sequence[str], rest: F) -> F:
 
 
 def row_before(table: Table, among: B | None = None) -> I:
-    """(N,) number of the row before in time; -1 for the first of a run, or without times.
+    """(N,) number of the row before in time; -1 for the first of a run, or without an order.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def row_before(table: Table, among: B | None = None) -> I:
         (N,) rows that count; the others have none before them, and are before none.
     """
     before = np.full(len(table), -1, dtype=np.int64)
-    if table.has("time_s"):
+    if has_order(table):
         for order in order_of_visits(table):
             visited = order if among is None else order[among[order]]
             before[visited[1:]] = visited[:-1]
@@ -122,9 +122,30 @@ def memory_options(table: Table) -> tuple[str, ...]:
     return ("run", "kept") if table.meta.file.begins_s else ("run",)
 
 
+_LEAST_WALK, _LONGEST_STEP = 20, 0.25
+
+
+def has_order(table: Table) -> bool:
+    """Whether the order of measuring is known: by time, or since the rows go step by step.
+
+    Without time each of at least 20 poses must be near the one before, within a quarter of the
+    range of each column; rows that were sorted go one way, or jump back.
+    """
+    full = table.full
+    if full.has("time_s") or len(full) < _LEAST_WALK:
+        return full.has("time_s")
+    poses = full.matrix(full.pose_columns)
+    spans = np.ptp(poses, axis=0) if poses.size else np.zeros(1)
+    steps = np.abs(np.diff(poses[:, spans > 0.0], axis=0)) / spans[spans > 0.0]
+    return bool(steps.size and steps.max() <= _LONGEST_STEP)
+
+
 def order_of_visits(table: Table, memory: str = "run") -> list[I]:
-    """Rows of each run in order of time; of all runs together where the memory is `kept`."""
-    time = table.column("time_s")
+    """Rows of each run in order of time, without time in that of the rows.
+
+    Of all runs together where the memory is `kept`.
+    """
+    time = table.column("time_s") if table.has("time_s") else np.arange(len(table))
     by_run = table.has("run") and memory == "run"
     run = table.column("run") if by_run else np.zeros(len(table))
     result = []
