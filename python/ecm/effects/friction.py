@@ -47,7 +47,7 @@ _SPRINGS, _MEAN_PATHS, _LONGEST = 5, (0.15, 0.4), 0.6
 what never does is a stiffness."""
 _SLIPS = (0.002, 0.03, 0.1, 0.3)
 """The same along single pose columns, over the range of each."""
-_PLAY, _PLAY_SLIPS = 0.5, (0.1, 0.3)
+_PLAY, _PLAY_SLIPS = 0.5, (0.07, 0.15, 0.3)
 """Share of the path that is play, and the paths with which it is tried."""
 
 _STRAIGHT = 0.95
@@ -177,12 +177,12 @@ class Hysteresis(LinearEffect):
                 longest = _LONGEST * _spread(table)["x_m"] / numbers(self.slip)["x_m"]
             factors = (one for one in beside(1.0, 2.0 ** (0.5**round_)) if one < longest)
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
-            shapes = [replace(self, slip=slip) for slip in slips]
-            if self.of is not None:
-                pulls = beside(1.0 - self.play, 2.0 ** (0.5**round_))
-                plays = [float(f"{1.0 - share:.3g}") for share in pulls if share < 1.0]
-                shapes += [replace(self, play=play) for play in plays]
-            return tuple(shapes)
+            pulls = beside(1.0 - self.play, 2.0 ** (0.5**round_)) if self.of is not None else ()
+            plays = (float(f"{max(0.0, 1.0 - share):.3g}") for share in pulls)
+            return (
+                *(replace(self, slip=slip) for slip in slips),
+                *(replace(self, play=play) for play in plays if play != self.play),
+            )
         return self.nearby("yield_m", 2.4 ** (0.5 ** (round_ + 1)), 1.01 * max(_paths(table)))
 
     def columns(self, rows: Rows) -> F:
