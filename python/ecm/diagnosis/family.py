@@ -7,11 +7,10 @@ inverse gamma prior, the evidence of a size s is
 
     log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(f + y'y - sum_j g_j (u_j'y)^2),
 
-g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C; f is v and what the form of an effect may lose of the
-most that a process explains: with little noise it would else tell all. Sizes are summed over a
-grid. The posterior compares the drivers with each other, with a process of the pose, which is no
-family, with nothing, and with effects that may be named: a process of their columns, each of one
-length.
+g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C; f is v and what one cause may leave of the most that a
+process explains: with little noise it would else tell all. Sizes are summed over a grid. The
+posterior compares the drivers with each other, with a process of the pose, which is no family, with
+nothing, and with effects that may be named: a process of their columns, each of one length.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ import numpy as np
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import bounded_estimate
+from ecm.diagnosis.search import ONE_CAUSE_SHARE, bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
 from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
@@ -201,11 +200,11 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
         within = (fit.columns >= problem.n_base) & ~zero
         processes.append((problem.design[:, :, fit.columns[within]],))
     fits = [[_of_sizes(beside_base(form), y) for form in forms] for forms in processes]
-    # A process is no more exact than the form of an effect: what that may lose is as noise, and
-    # tells nothing. Nor does what an effect of the model may, beyond which named ones explain.
+    # A process is no more exact than the form of an effect: what that may lose tells nothing, and
+    # what may be left without a word is as noise. Nor does what an effect of the model may lose.
     held = 0.0 if named else problem.held
     explained = float(y @ y) - min(float(left.min()) for some in fits for left, _ in some)
-    floor = known + FORM_SHARE * max(explained, held)
+    floor = known + ONE_CAUSE_SHARE * max(explained, held)
 
     def gain(left: F, cost: F) -> float:
         fall = np.log((floor + y @ y) / (floor + left))
