@@ -7,8 +7,8 @@ inverse gamma prior, the evidence of a size s is
 
     log p(y | s) = -sum_j log(1 + s^2 d_j^2) / 2 - (v + n) / 2 log(f + y'y - sum_j g_j (u_j'y)^2),
 
-g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C; f is v and what one cause may leave of the most that a
-process explains: with little noise it would else tell all. Sizes are summed over a grid. The
+g_j = s^2 d_j^2 / (1 + s^2 d_j^2), U D V' = C; f is v and what one cause may leave of the most that
+a process explains: with little noise it would else tell all. Sizes are summed over a grid. The
 posterior compares the drivers with each other, with a process of the pose, which is no family, with
 nothing, and with effects that may be named: a process of their columns, each of one length.
 """
