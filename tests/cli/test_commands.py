@@ -355,7 +355,8 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
             "hysteresis", "temperature_modulus", "anisotropy"} <= ids  # fmt: skip
     assert all(id in listed.out for id in ids)
     assert "With fewer than the twelve columns of pose and wrench also:\ngrowing_load" in listed.out
-    assert "needs: time (time_s), and motion both ways" in ecm_command("effects", "backlash").out
+    needs = "needs: time (time_s), or rows step by step, and motion both ways"
+    assert needs in ecm_command("effects", "backlash").out
     one = ecm_command("effects", "hysteresis").good()
     assert "parameter" in one.out
     assert "confused with" in one.out

@@ -132,10 +132,10 @@ def has_order(table: Table) -> bool:
     range of each column; rows that were sorted go one way, or jump back.
     """
     full = table.full
-    if full.has("time_s") or len(full) < _LEAST_WALK:
+    if full.has("time_s") or len(full) < _LEAST_WALK or not full.pose_columns:
         return full.has("time_s")
     poses = full.matrix(full.pose_columns)
-    spans = np.ptp(poses, axis=0) if poses.size else np.zeros(1)
+    spans = np.ptp(poses, axis=0)
     steps = np.abs(np.diff(poses[:, spans > 0.0], axis=0)) / spans[spans > 0.0]
     return bool(steps.size and steps.max() <= _LONGEST_STEP)
 
