@@ -17,7 +17,7 @@ from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import objections, refit, refuse_addition, undetermined
 from support.neck import ROOT
-from support.one_angle import NOISE_NM, one_angle
+from support.one_angle import NOISE_NM, one_angle, prandtl_play
 
 TRUE_MASS_KG = 0.2086
 """The payload that the shipped campaign hides, by its truth file."""
@@ -138,11 +138,8 @@ def test_a_brake_without_a_spring_gets_numbers_and_a_way_out_that_its_columns_ha
     """All that seemed stiff was friction: beside it a linkage over its dead centre."""
     time = 0.02 * np.arange(1500)
     x = 0.025 * np.sin(0.9 * time)
-    stretch, stretches = 0.0, []
-    for step in np.diff(x, prepend=x[0]):
-        stretch = float(np.clip(stretch + step, -0.012, 0.012))
-        stretches.append(stretch)
-    force = 7.5e5 * np.array(stretches) - 9e4 * x + 50.0 * np.cos(7.0 * time)
+    brake = x - prandtl_play(x, 0.012)
+    force = 7.5e5 * brake - 9e4 * x + 50.0 * np.cos(7.0 * time)
     table = ecm.as_table({"x_m": x, "fx_N": force, "time_s": time})
     before = fit_model(table, "linear")
     after = refit(before, table, add=["hysteresis"])

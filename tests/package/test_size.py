@@ -12,12 +12,12 @@ LIMITS = {
     "python/ecm": (41_744, 200),
     "benches": (5_916, 51),
     "examples": (1_516, 13),
-    "tests": (32_204, 230),
-    "crates": (34_359, 198),
+    "tests": (32_203, 230),
+    "crates": (34_350, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
 real loops of a damper and of laminates: friction behind a play, an order without a clock, units
-that are not known, and what the form of an effect loses as noise (60 in the package, 91 in the
+that are not known, and what one cause may leave as noise (60 in the package, 90 in the
 tests)."""
 
 

@@ -35,7 +35,7 @@ def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912 - one branch 
     elif kind == "hysteresis:behind a play":
         torque = torque + 0.1 * _behind_a_play(angle, 0.06, 0.01)
     elif kind == "backlash":
-        torque = spring(_play(angle, 0.015))
+        torque = spring(prandtl_play(angle, 0.015))
     elif kind == "stress_relaxation":
         torque = torque + _standard_linear_solid(time, angle)
     elif kind == "viscous_damping":
@@ -82,16 +82,20 @@ def bouc_wen(path: F, yield_rad: float) -> F:
 def _behind_a_play(path: F, width: float, soft: float) -> F:
     """A brake behind a pin in a wider hole: the pin is free over twice the width, then its contact
     hardens, and the brake begins to creep before it slips; 20 steps between readings."""
+
+    def contact(away: float) -> float:
+        return float(np.sign(away) * -np.expm1(-max(abs(away) - width, 0.0) / soft))
+
     away, states = 0.0, [0.0]
     for step in np.diff(path):
         for part in np.full(20, step / 20.0):
-            touch = np.sign(away) * -np.expm1(-max(abs(away) - width, 0.0) / soft)
+            touch = contact(away)
             away += part * (1.0 - touch**4 if touch * part > 0.0 else 1.0)
-        states.append(float(np.sign(away) * -np.expm1(-max(abs(away) - width, 0.0) / soft)))
+        states.append(contact(away))
     return np.array(states)
 
 
-def _play(path: F, width: float) -> F:
+def prandtl_play(path: F, width: float) -> F:
     """Prandtl's play operator."""
     state, states = 0.0, []
     for value in path:

@@ -51,6 +51,17 @@ pub trait Real:
     fn from_f64(value: f64) -> Self;
     /// The same number in double precision.
     fn to_f64(self) -> f64;
+    /// The nearest number from `low` to `high`; of NaN itself.
+    #[inline(always)]
+    fn clamped(self, low: Self, high: Self) -> Self {
+        if self < low {
+            low
+        } else if self > high {
+            high
+        } else {
+            self
+        }
+    }
 }
 
 impl Real for f64 {

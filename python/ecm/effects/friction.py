@@ -211,7 +211,7 @@ class Hysteresis(LinearEffect):
         for order in order_of_visits(rows.table):
             path = (values[order] - values[order[0]])[:, None]
             stretch[order] = (path - play(path, limit))[:, 0] / limit
-        return np.sign(stretch) * np.maximum(np.abs(stretch) - self.play, 0.0) / (1.0 - self.play)
+        return (stretch - np.clip(stretch, -self.play, self.play)) / (1.0 - self.play)
 
     def _of_slipping_springs(self, rows: Rows) -> F:
         """(N, 6, k) force of springs that slip: one column, or one for each coordinate."""

@@ -216,16 +216,16 @@ def _of_chambers(word: str) -> Unit | None:
     return Unit(bare, dimension, _OF_CHAMBERS[dimension][small]) if dimension else None
 
 
-def unknown_unit(name: str, unit_word: str = "") -> str:
+def unknown_unit(column: str, log: Log) -> str:
     """Return what stands in the place of a column's unit and is none that is known; else "".
 
     Examples
     --------
-    >>> unknown_unit("Force (furlong)"), unknown_unit("Force (lbf)"), unknown_unit("Force")
-    ('furlong', '', '')
+    >>> [unknown_unit(name, Log({})) for name in ("Force (furlong)", "Force (lbf)", "Force")]
+    ['furlong', '', '']
     """
-    bracket = _BRACKET.fullmatch(name)
-    word = unit_word or (bracket[2] if bracket is not None else "")
+    bracket = _BRACKET.fullmatch(column)
+    word = log.units.get(column, "") or (bracket[2] if bracket is not None else "")
     return "" if find_unit(word) is not None or is_other_unit(word) else word
 
 

@@ -396,7 +396,7 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
         known = log.columns[column][np.isfinite(log.columns[column])]
         extent = f"{known.min():.4g} to {known.max():.4g}" if len(known) else "no numbers"
         lines.append(f"  {column}: {extent}, in {first} or in {second}?")
-        if unknown := unknown_unit(column, log.units.get(column, "")):
+        if unknown := unknown_unit(column, log):
             lines[-1] += f" '{unknown}' is no unit that is known"
             worth.append(f'--map "{standard}={column}:NUMBER {first}"')
     other = ",".join(words.values())
@@ -426,7 +426,7 @@ def standard_columns(
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         found[name] = entry.sign * values
         words[name] = _words(entry)
-        unknown = unknown_unit(entry.column, log.units.get(entry.column, ""))
+        unknown = unknown_unit(entry.column, log)
         if unknown and find_unit(entry.unit.word) is not None:
             words[name] += f", '{unknown}' is no unit that is known: taken as {entry.unit.word}"
     notes = list(mapped.notes)

@@ -367,8 +367,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
 
     /// Back to the bounds, along the least change in the metric of the covariance.
     fn project(&self, state: &mut State<R, N>) {
-        for i in 0..N {
-            let bounded = self.clamped(i, state.values[i]);
+        for (i, prior) in self.priors.iter().enumerate() {
+            let bounded = state.values[i].clamped(prior.low, prior.high);
             let excess = bounded - state.values[i];
             let variance = state.covariance[i][i];
             if excess * excess > R::ZERO && variance > R::ZERO {
@@ -377,19 +377,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
                 }
             }
         }
-        for i in 0..N {
-            state.values[i] = self.clamped(i, state.values[i]);
-        }
-    }
-
-    fn clamped(&self, i: usize, value: R) -> R {
-        let prior = &self.priors[i];
-        if value < prior.low {
-            prior.low
-        } else if value > prior.high {
-            prior.high
-        } else {
-            value
+        for (value, prior) in state.values.iter_mut().zip(&self.priors) {
+            *value = value.clamped(prior.low, prior.high);
         }
     }
 

@@ -7,8 +7,9 @@
 //!
 //! m ← m + s Δx − (1 − e^(−dt/τ)) m,  s = (1 − e^(−dt/τ)) τ/dt,  x = k q or Q(q),
 //!
-//! and a spring that slips z ← clamp(z + Δq, ±limit), which may pull beyond a play w only: it adds
-//! κ (z − clamp(z, ±w)) to the Σ g m. The wrench is that of this sum, turned with the mid frame: stress stays with the material, and a turn of the base turns everything.
+//! and a spring that slips z ← clamp(z + Δq, ±limit), which beyond a play w pulls κ (z − clamp(z, ±w)).
+//! The wrench is that of Σ g m and these pulls, turned with the mid frame: stress stays with the
+//! material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
 //! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
 //! A map of a single coordinate is one along x, of length 0: where θ = 0 the mid frame turns nothing.
@@ -158,12 +159,12 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             }
             let (limit, play, spring) = (effects.slip[j], effects.play[j], effects.friction[j]);
             let wanted = state.stretch[j] + along;
-            let stretch = limited(wanted, limit);
+            let stretch = wanted.clamped(-limit, limit);
             state.stretch[j] = stretch;
             if -limit <= wanted && wanted <= limit && !(-play < stretch && stretch < play) {
                 steep[j][j] += spring;
             }
-            total[j] += spring * (stretch - limited(stretch, play));
+            total[j] += spring * (stretch - stretch.clamped(-play, play));
         }
         let (largest, softer) = self.softer(&here, state.largest);
         let size = self.effects.size(inputs);
@@ -379,15 +380,5 @@ impl<R: Real> Here<R> {
             force: self.wrench.force.map(|x| factor * x),
             torque: self.wrench.torque.map(|x| factor * x),
         }
-    }
-}
-
-fn limited<R: Real>(x: R, limit: R) -> R {
-    if x > limit {
-        limit
-    } else if x < -limit {
-        -limit
-    } else {
-        x
     }
 }
