@@ -128,26 +128,24 @@ class Rod:
         self.section = section
 
     def solve(self, poses: F, mount_rad: F, start: Solved | None = None) -> Solved:
-        """Full Newton without `start`, else with its Jacobian; mount turns the body about x."""
+        """Newton's method, from `start` first with its Jacobian; mount turns the body about x."""
         want_r, want_turn = poses[:, :3], turn(poses[:, 3:])
         if start is None:
             base = self._first(poses)
-            for _ in range(25):
-                left, inverse, _ = self._linear(base, want_r, want_turn, mount_rad)
-                base = base - np.einsum("nij,nj->ni", inverse, left)
-                if np.abs(left).max() < 1e-9:
-                    break
-            else:
-                raise RuntimeError(f"rod: no equilibrium, error {np.abs(left).max():.2g}")
         else:
-            base, inverse = start.base, start.inverse
+            base = start.base
             for _ in range(30):
                 left = self._left(base, want_r, want_turn, mount_rad)[0]
-                base = base - np.einsum("nij,nj->ni", inverse, left)
+                base = base - np.einsum("nij,nj->ni", start.inverse, left)
                 if np.abs(left).max() < 1e-10:
-                    break
-            else:
-                raise RuntimeError(f"rod: no equilibrium near by, error {np.abs(left).max():.2g}")
+                    return Solved(self._tip(base, mount_rad), base, start.inverse)
+        for _ in range(25):
+            left, inverse, _ = self._linear(base, want_r, want_turn, mount_rad)
+            base = base - np.einsum("nij,nj->ni", inverse, left)
+            if np.abs(left).max() < 1e-9:
+                break
+        else:
+            raise RuntimeError(f"rod: no equilibrium, error {np.abs(left).max():.2g}")
         return Solved(self._tip(base, mount_rad), base, inverse)
 
     def loaded(self, base: F, mount_rad: F) -> tuple[F, Solved]:
