@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ import ecm
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError, opened
 from ecm.bench.manual import Manual
+from ecm.bench.messages import Stopped, _Mover
 from ecm.bench.run import envelope
 from ecm.errors import InputError
 from ecm.io.columns import POSE
@@ -434,6 +436,25 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
     os.write(other, b"end\n")
     with pytest.raises(InputError, match="expected HOST:PORT or a serial port"):
         opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
+
+
+def test_an_answer_to_no_question_stops_the_run() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        device = opened("line", {"address": f"127.0.0.1:{listener.getsockname()[1]}"}, "bench")
+        connection, _ = listener.accept()
+    with connection:
+        connection.sendall(b'{"ok": true, "degC": 20.0}\n')  # later answers would be one late
+        with pytest.raises(DeviceError, match="nobody asked for"):
+            device.temperature()
+    device.close()
+
+
+def test_a_move_that_was_stopped_has_not_arrived() -> None:
+    still = SimpleNamespace(start=lambda _: mover.ended.set(), settled=lambda: True)
+    rig = SimpleNamespace(answer=lambda name, ask, most=0.0: ask(), look=lambda seen: seen)
+    run = SimpleNamespace(bench=SimpleNamespace(limits=SimpleNamespace(move_s=1.0)))
+    mover = _Mover(run, {"mover": still}, rig)
+    assert isinstance(mover.set(np.zeros(6)).exception(5.0), Stopped)
 
 
 def test_a_stop_does_not_wait_for_the_answer_to_another_question() -> None:

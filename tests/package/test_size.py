@@ -9,16 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_744, 200),
-    "benches": (5_916, 51),
+    "python/ecm": (41_751, 200),
+    "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (32_203, 230),
+    "tests": (32_220, 230),
     "crates": (34_350, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
-real loops of a damper and of laminates: friction behind a play, an order without a clock, units
-that are not known, and what one cause may leave as noise (60 in the package, 90 in the
-tests)."""
+a stranger's rig: an answer that nobody asked for and a move that was cut stop the run (7 in the
+package, 17 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -124,6 +124,12 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
+            if self._rest or select.select([self._fd], [], [], 0.0)[0]:
+                # All later answers would be those of the question before.
+                raise DeviceError(
+                    f"{self._address}: a line that nobody asked for came before `{question['do']}`"
+                    ", or the connection was closed: expected one answer to each line"
+                )
             self._write(question)
             return self._read(question["do"], more_s)
 

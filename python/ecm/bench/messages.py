@@ -109,16 +109,19 @@ class _Mover:
 
     def _move(self, pose: F) -> None:
         mover, limits = self._devices["mover"], self._run.bench.limits
-        if self.ended.is_set():
-            raise Stopped("the run was interrupted")
+        self._refuse_to_go_on()
         until, seen = time.monotonic() + limits.move_s, None
         self._rig.answer("mover", lambda: mover.start(pose), limits.move_s)
         while not self._rig.answer("mover", mover.settled):
-            if self.ended.is_set():
-                break
+            self._refuse_to_go_on()
             seen = self._rig.look(seen)
             if time.monotonic() > until:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
+        self._refuse_to_go_on()  # a mover that was stopped is settled as well
+
+    def _refuse_to_go_on(self) -> None:
+        if self.ended.is_set():
+            raise Stopped("the run was interrupted")
 
     def stop(self, *, success: bool = False) -> None:
         del success  # which is true whatever happened
