@@ -449,12 +449,25 @@ def test_an_answer_to_no_question_stops_the_run() -> None:
     device.close()
 
 
+def moved(start: Any, settled: Any, look: Any) -> BaseException | None:
+    """The error of a move of a mover that is seen every 20 ms."""
+    rig = SimpleNamespace(answer=lambda _, ask, __=0.0: ask(), look=look, look_s=0.02)
+    run = SimpleNamespace(bench=SimpleNamespace(limits=SimpleNamespace(move_s=5.0)))
+    device = SimpleNamespace(start=lambda _: start(mover), settled=settled)
+    mover = _Mover(run, {"mover": device}, rig)
+    return mover.set(np.zeros(6)).exception(5.0)
+
+
 def test_a_move_that_was_stopped_has_not_arrived() -> None:
-    still = SimpleNamespace(start=lambda _: mover.ended.set(), settled=lambda: True)
-    rig = SimpleNamespace(answer=lambda name, ask, most=0.0: ask(), look=lambda seen: seen)
-    run = SimpleNamespace(bench=SimpleNamespace(limits=SimpleNamespace(move_s=1.0)))
-    mover = _Mover(run, {"mover": still}, rig)
-    assert isinstance(mover.set(np.zeros(6)).exception(5.0), Stopped)
+    error = moved(lambda mover: mover.ended.set(), lambda: True, lambda seen: seen)
+    assert isinstance(error, Stopped)
+
+
+def test_two_looks_are_apart_where_a_device_answers_at_once() -> None:
+    times: list[float] = []
+    error = moved(lambda _: None, lambda: len(times) == 4, lambda _: times.append(time.monotonic()))
+    assert error is None
+    assert min(np.diff(times)) > 0.015
 
 
 def test_a_stop_does_not_wait_for_the_answer_to_another_question() -> None:

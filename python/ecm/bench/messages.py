@@ -114,7 +114,10 @@ class _Mover:
         self._rig.answer("mover", lambda: mover.start(pose), limits.move_s)
         while not self._rig.answer("mover", mover.settled):
             self._refuse_to_go_on()
+            due = time.monotonic() + self._rig.look_s
             seen = self._rig.look(seen)
+            # A device may answer at once: two poses 1 ms apart tell no speed.
+            self.ended.wait(max(0.0, due - time.monotonic()))
             if time.monotonic() > until:
                 raise Stopped(f"the move has not ended within {limits.move_s:g} s (move_s)")
         self._refuse_to_go_on()  # a mover that was stopped is settled as well
@@ -187,17 +190,25 @@ class _Rig:
         except Exception as error:
             raise DeviceError(f"the {part} failed: {type(error).__name__}: {error}") from error
 
+    @property
+    def _follows(self) -> bool:
+        """Whether what is seen while it moves is kept."""
+        return self._sample is not None and not self._by_hand
+
+    @property
+    def look_s(self) -> float:
+        """Time between two looks of a move."""
+        bench = self._run.bench
+        rate = bench.procedure.stream_Hz if self._follows else 0.0
+        return min(bench.limits.check_s, 1.0 / rate if rate else np.inf)
+
     def look(self, before: tuple[F, float] | None = None) -> tuple[F, float] | None:
         """Read what is not read by hand; Stopped where it is beyond a limit.
 
         before: pose (6,) and its time at the last look of this move; those of this one are
         returned.
         """
-        limits, devices, at = self._run.bench.limits, self._devices, None
-        rate, window_s = self._run.bench.procedure.stream_Hz, limits.check_s
-        follows = self._sample is not None and not self._by_hand
-        if follows:
-            window_s = min(window_s, 1.0 / rate)
+        limits, devices, at, window_s = self._run.bench.limits, self._devices, None, self.look_s
         if not by_hand(devices, "pose"):
             pose = Status(lambda: self.answer("pose", lambda: self._seen(window_s), window_s))
         if not by_hand(devices, "wrench"):
@@ -210,7 +221,7 @@ class _Rig:
             self._hold(limits.speed_breach(before, at))
         self._hold(limits.temperature_breach(self._degrees()[0]))
         self._hold(limits.actuation_breach(self._told("actuation", "actuation")))
-        if follows and at is not None:
+        if self._follows and at is not None:
             self._keep(at[0], sensor[None], at[1], window_s)
         return at
 
