@@ -199,8 +199,8 @@ class _Rig:
     def look_s(self) -> float:
         """Time between two looks of a move."""
         bench = self._run.bench
-        rate = bench.procedure.stream_Hz if self._follows else 0.0
-        return min(bench.limits.check_s, 1.0 / rate if rate else np.inf)
+        check_s = bench.limits.check_s
+        return min(check_s, 1.0 / bench.procedure.stream_Hz) if self._follows else check_s
 
     def look(self, before: tuple[F, float] | None = None) -> tuple[F, float] | None:
         """Read what is not read by hand; Stopped where it is beyond a limit.
