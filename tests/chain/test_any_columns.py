@@ -11,6 +11,7 @@ import pytest
 import ecm
 from ecm.effects import Rows, effects_of
 from ecm.errors import EcmError
+from ecm.io.arrays import rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.export import export_files
@@ -112,3 +113,56 @@ def test_a_base_of_inputs_is_one_of_six_poses_at_the_inputs_of_each_row() -> Non
         for own in (rows, rows.whole):
             np.testing.assert_allclose(own.of_six.wrench, own.wrench)
             np.testing.assert_allclose(own.of_six.stiffness, own.stiffness[:, :, :6])
+
+
+def foreign_log(law: str, seed: int) -> Table:
+    """A log of one column with a law that no effect of the catalogue has, 60 s at 10 Hz."""
+    random = np.random.default_rng(seed)
+    time = 0.1 * np.arange(600)
+    phases = 2.0 * np.pi * random.random(4)
+    waves = np.sin(np.outer(time, 2.0 * np.pi * np.array([0.11, 0.27, 0.053, 0.41])) + phases)
+    x = waves @ [1.0, 0.5, 0.8, 0.3]
+    x *= 0.02 / np.abs(x).max()
+    force = 400.0 * x + 3.0 * np.tan(30.0 * x)
+    speed = np.gradient(x, time)
+    if law == "power law relaxation":
+        kernel = (time + 0.05) ** -0.3
+        force += 150.0 * np.convolve(np.diff(x, prepend=x[0]), kernel)[: len(x)]
+    elif law == "an orifice":
+        force += 8000.0 * speed * np.abs(speed)
+    elif law == "a round stop":
+        force += 1.2e4 * np.maximum(x - 0.013, 0.0) ** 1.5
+    sd = 0.05
+    if law == "noise that grows":
+        sd = 0.03 + 0.01 * np.abs(force)
+        force += 8.0 * (random.random(600) < 0.01)
+    force += sd * random.standard_normal(600)
+    instrument = {"force_sd_N": 0.05, "pose_position_sd_m": 2e-5}
+    meta = {"instrument": instrument, "file": {"kind": "continuous"}}
+    return ecm.Table({"time_s": time, "x_m": x, "fx_N": force}, meta)
+
+
+@pytest.mark.parametrize(
+    "law", ["power law relaxation", "an orifice", "a round stop", "noise that grows"]
+)
+@pytest.mark.parametrize("start", ["cubic", "poly:5"])
+def test_what_add_it_says_is_done_until_nothing_is_left_to_add(law: str, start: str) -> None:
+    """It ends, takes nothing out of the model, and no step errs more on rows of another day."""
+    table, fresh = foreign_log(law, 1), foreign_log(law, 2)
+    named: dict[str, object] = {"ecm": ecm, "table": table, "better": ecm.fit(table, start)}
+    for _ in range(4):
+        model = named["model"] = named["better"]
+        assert isinstance(model, ecm.Model)
+        found = ecm.diagnose(model, table)
+        line, weak = found.summary().add.split("   (")[0], "too weak" in found.summary().missing
+        assert not (weak and (found.model.as_given.over_noise or 0.0) > 2.0)
+        if not line.startswith("better = "):
+            break
+        exec(line, named)
+        better = named["better"]
+        assert isinstance(better, ecm.Model)
+        assert {item.id for item in model.effects} <= {item.id for item in better.effects}
+        left = [rms(fresh["fx_N"] - one.predict(fresh)[:, 0]) for one in (model, better)]
+        assert left[1] < 1.05 * left[0]
+    else:
+        raise AssertionError(f"{law}: still to add: {line}")

@@ -272,9 +272,10 @@ def test_two_branches_stay_two_when_they_are_fitted_again() -> None:
 def test_effects_that_have_a_shape_are_added_in_any_order(add: tuple[str, str]) -> None:
     table = one_angle("hysteresis")
     bare = ecm.fit(table, "cubic")
-    at_once = ecm.refit(bare, table, add=add)
+    at_once = ecm.refit(bare, table, add=add, force=True)
     assert [item.id for item in at_once.effects] == list(add)
-    later = ecm.refit(ecm.refit(bare, table, add=add[:1]), table, add=add[1:])
+    first = ecm.refit(bare, table, add=add[:1], force=True)
+    later = ecm.refit(first, table, add=add[1:], force=True)
     assert [item.id for item in later.effects] == list(add)
 
 

@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_757, 200),
+    "python/ecm": (41_815, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (32_228, 230),
+    "tests": (32_280, 230),
     "crates": (34_350, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
-a stranger's rig: an answer that nobody asked for and a move that was cut stop the run, and looks
-are apart (13 in the package, 25 in the tests)."""
+what strangers saw: a remedy is tried before it is said, and `refit` in Python refuses what the
+command refuses (58 in the package, 52 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

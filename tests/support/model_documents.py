@@ -87,7 +87,7 @@ def models() -> dict[str, Model]:
     effects = with_effects(
         energy, BRANCHES, FRICTION, TEMPERATURE, (Payload(), [0.1, 0.0, 0.01, 0.0])
     )
-    refitted = ecm.refit(energy, table, add=["payload"])
+    refitted = ecm.refit(energy, table, add=["payload"], force=True)
     return {
         "polynomial": ecm.fit(table, "linear"),
         "one axis": ecm.fit(moved, "quadratic"),

@@ -336,7 +336,7 @@ def fit(
     if add:
         load_installed()
         with session.working(f"fitting {len(table)} rows with effects") as tell:
-            before, fitted = fitted, refit_model(fitted, table, add=add, progress=tell)
+            before, fitted = fitted, refit_model(fitted, table, add=add, force=True, progress=tell)
         summary["addition"] = refit_summary(fitted)
         summary["sentences"] = [*summary["sentences"], *summary["addition"]["sentences"]]
     session.write_json(summary | {"warnings": [*table.warnings, *said]})
@@ -407,7 +407,8 @@ def refit(
     session.warn(*unstated(table))
     before = open_model(model, session, table)
     with session.working(f"fitting {len(table)} rows") as tell:
-        fitted = refit_model(before, table, remove=remove, progress=tell, **options)
+        # --force was asked for above, before a fit that takes minutes.
+        fitted = refit_model(before, table, remove=remove, force=True, progress=tell, **options)
     with session.working("errors of the new model"):
         summary = refit_summary(fitted)
     session.write_json(summary)

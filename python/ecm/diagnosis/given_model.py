@@ -34,9 +34,10 @@ from ecm.io.table import Table
 from ecm.models.errors import held_out
 from ecm.models.joint_fit import JointFit
 from ecm.models.literature import LEARNED
+from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
+from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind, remedy_with_base
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
@@ -333,7 +334,7 @@ class _Judged:
             neighbours_alike=result.neighbours_alike,
             unused_inputs=result.unused_inputs if answer == "inputs" else (),
             reason=self.reason if answer in ("numbers", "effect") else "",
-            remedy=_remedy(self.model, self.decision, answer, self.reason),
+            remedy=self.remedy(answer),
         )
 
     @property
@@ -369,7 +370,24 @@ class _Judged:
             return ""
         if _far_behind(self.given, self.base) and problem.outlying_rows and not richer:
             return "rows"
-        return "weak" if self.is_form_of_base else ""
+        return "" if self.is_behind_base else "weak"
+
+    @property
+    def is_behind_base(self) -> bool:
+        """Whether its kind errs more than that of the base, both fitted alike to these rows."""
+        if self.is_form_of_base or self.refitted is None or self.is_base:
+            return False
+        if _far_behind(self.refitted, self.base):
+            return True
+        problem, table = self.problem, self.decision.prepared.unexplained
+        base = self.of_fit(refit_of_kind(problem.base, table, self.result.noise))
+        own, other = (one.over_noise if one else None for one in (self.refitted, base))
+        if own is None or other is None:
+            return True
+        fall = 2.0 * math.log(max(own, 1e-300) / max(other, 1e-300))  # of squares, held out
+        alike = self.result.neighbours_alike or 0.0  # so many of these rows are independent:
+        size = problem.size * (1.0 - alike) / (1.0 + alike)
+        return fall * size > problem.settings.least_bic
 
     @property
     def is_base(self) -> bool:
@@ -404,7 +422,7 @@ class _Judged:
         if self.is_base or not (self.shown or tried):
             return None, None
         noise = self.result.noise
-        again = refit_of_kind(self.model, self.decision.prepared.unexplained, noise)
+        again = refit_of_kind(self.model.base, self.decision.prepared.unexplained, noise)
         if again is None or not tried:
             return again, None
         return again, fit_or_none(again.base, accepted, again.rows.table, noise)
@@ -474,6 +492,20 @@ class _Judged:
         own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
         return any(given[name] > _FAR * np.sqrt(own) * base[name] for name in given)
 
+    def remedy(self, answer: Answer) -> Remedy | None:
+        """The command that mends table or model, tried; None where an effect is missing."""
+        decision, table = self.decision, self.decision.prepared.table
+        wrong = decision.prepared.misread
+        if decision.misread and wrong is not None and wrong.mend:
+            return Remedy("mend the columns, and read the table again", "ecm check DATA --mend")
+        if self.reason == "rows":
+            return Remedy("look at the rows that are unlike all others", "ecm check DATA")
+        base = {"form": self.problem.base, "inputs": self.problem.base, "numbers": self.model.base}
+        if answer not in base:
+            return None
+        effects = [item.effect for item in self.model.effects]
+        return remedy_with_base(base[answer].name, effects, table)
+
     def with_table(self, answer: Answer) -> tuple[Answer, WrongStatement | None]:
         """Return the answer, and another reading of the table where that is one."""
         if not (self.missing or answer == "effect" or (answer == "noise" and self.far_off)):
@@ -513,25 +545,8 @@ def _scale(result: Comparison, table: Table) -> float | None:
     return factor if before > 0.0 and after < _SCALED * before else None
 
 
-def _remedy(model: Model, decision: Decision, answer: Answer, reason: str) -> Remedy | None:
-    """The command that mends table or model; None where an effect is missing."""
-    wrong = decision.prepared.misread
-    if decision.misread and wrong is not None and wrong.mend:
-        return Remedy("mend the columns, and read the table again", "ecm check DATA --mend")
-    if reason == "rows":
-        return Remedy("look at the rows that are unlike all others", "ecm check DATA")
-    if answer in ("form", "inputs"):
-        name = decision.problem.base.name
-        return Remedy("change the model first", f"ecm fit DATA --model {name} --out OUT")
-    if answer == "numbers":
-        added = "".join(f" --add {item.id}" for item in model.effects)
-        fit = f"ecm fit DATA --model {model.base.name}{added} --out OUT"
-        return Remedy("fit the model to these data", fit)
-    return None
-
-
-def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
-    """Fit the model's own kind of map to a table without what its effects explain.
+def refit_of_kind(base: StiffnessMap, table: Table, noise: Noise) -> JointFit | None:
+    """Fit a map of the same kind to a table without what the effects of the model explain.
 
     Returns
     -------
@@ -539,7 +554,6 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
         None for a map that is learned or has no coefficients, and where half of the numbers or
         more would be coefficients.
     """
-    base = model.base
     if base.kind in LEARNED or not len(base.coefficients):
         return None
     if 2 * len(base.coefficients) > len(table) * len(base.outputs):

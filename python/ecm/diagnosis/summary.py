@@ -202,14 +202,19 @@ def _without_name(document: Mapping[str, Any]) -> str:
     again = _error(model["refitted"]) if model["refitted"] else base
     errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
+    far = (model["as_given"]["over_noise"] or 0.0) > FAR_BEYOND_NOISE
+    weak = "has no name" if far else "is too weak to be named"
     said = {
         "form": f"no effect, a better form of the model: {errs}, {model['base']} {base}",
         "numbers": "no effect, the model's numbers are not those of this body: "
         f"{errs}, fitted again {again}",
-        "effect": f"what {model['name']} lacks is too weak to be named: it errs {given}",
+        "effect": f"what {model['name']} lacks {weak}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
         "noise": f"{nothing}, though {errs}",
     }.get(model["answer"], f"{nothing}{bounded}")
+    if model["reason"] == "rows":
+        said = f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
+        said += "they count less"
     return f"{said}{_untested(document)}"
 
 
@@ -257,14 +262,15 @@ def _error(errors: Mapping[str, Any]) -> str:
 
 def _add(document: Mapping[str, Any]) -> str:
     """The command that puts it into the model that was given, or the one that mends the model."""
-    without_inputs = document["model"]["answer"] == "inputs"
-    if not without_inputs and (addition := document.get("addition")) is not None:
+    # What it lacks otherwise comes first: beside it an effect brings this model nothing.
+    first = document["model"]["answer"] == "inputs" or document["model"]["reason"] == "rows"
+    if not first and (addition := document.get("addition")) is not None:
         command = _command(addition["remedy"]) or _NOTHING
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
         brings = _fall_of_model(document)
         return f"{command}   (this model {brings})" if brings else command
-    if document["verdict"] in ("named", "ambiguous") and not without_inputs:
+    if document["verdict"] in ("named", "ambiguous") and not first:
         return "nothing: the model has it already; refit it to these rows"
     if (remedy := document["model"].get("remedy")) is not None:
         return _command(remedy)
@@ -293,7 +299,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield "mend the table, and diagnose again"
     lacking = {item["record"] for item in document["not_testable"]}
     if document["base"]["kind"] == "polynomial" and UNKNOWN_LENGTH.record in lacking:
-        yield "state the length of the mechanism ([mechanism] length_m): an energy is the base then"
+        whole = set(WRENCH) <= set(document["rmse"]["before"])
+        brings = "an energy is the base then" if whole else "more effects can be tested then"
+        yield f"state the length of the mechanism ([mechanism] length_m): {brings}"
     if "family" in document:
         family = document["family"]
         shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
@@ -306,7 +314,13 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield "record one more column: the details list what these data cannot test"
     before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
-        base = document["model"]["base"]
+        model = document["model"]
+        if (
+            document["noise"]["source"] == "declared"
+            and (model["as_given"]["over_noise"] or 0.0) > FAR_BEYOND_NOISE
+        ):
+            yield "measure some poses twice: tells larger noise from a missing effect"
+        base = model["base"]
         yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"
     if document["noise"]["source"] == "assumed":
         yield "measure some poses twice: the noise is only assumed"

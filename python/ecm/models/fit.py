@@ -383,6 +383,11 @@ def _share(base: StiffnessMap, measured: Table) -> float:
     return int(seen.sum()) / (len(np.unique(repeat_cells(measured))) * len(base.outputs))
 
 
+_OUTLYING = 33.0
+"""Squared error over the median one up to which a reading counts whole, as in the diagnosis: of
+Gaussian noise one in 10,000 is larger."""
+
+
 def _score(base: StiffnessMap, measured: Table) -> float:
     """Generalised cross-validation error, product over components: each has a noise of its own.
 
@@ -393,7 +398,10 @@ def _score(base: StiffnessMap, measured: Table) -> float:
     truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
     rest = 1.0 - min(_share(base, measured), 0.999)
     spread = np.ptp(truth, axis=0)
-    squares = np.maximum(((truth - base.predict(poses)) ** 2).mean(axis=0), (_EXACT * spread) ** 2)
+    squares = (truth - base.predict(poses)) ** 2
+    least = (_EXACT * spread) ** 2
+    limit = _OUTLYING * np.maximum(np.median(squares, axis=0), least)
+    squares = np.maximum(np.minimum(squares, limit).mean(axis=0), least)
     logs = np.log(squares[spread > 1e-12])
     return float(np.exp(logs.sum() / max(len(logs), 1))) / (rest * rest)
 

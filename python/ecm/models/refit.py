@@ -276,9 +276,38 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
     return base
 
 
+def remedy_with_base(
+    name: str, effects: Sequence[Effect], table: Table, most_error: float = np.inf
+) -> Remedy | None:
+    """The command that fits a base with effects; None where it would be refused, or errs more.
+
+    Parameters
+    ----------
+    most_error
+        Held-out error over the noise up to which it is a way out.
+    """
+    try:
+        refuse_unused_inputs(table, parse_model(name))
+        base = fit_rows(table, parse_model(name))
+        found = base.add(*effects).fit(table)
+        refuse_worse(found, table)
+        if effects and (objections(found, table, base) or _better_base(found, table) is not None):
+            return None
+        if (error := found.history[-1].held_out) > most_error:
+            return None
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    added = "".join(f" --add {effect.id}" for effect in effects)
+    over = "the base's own residual" if found.noise.is_residual else "the noise"
+    return Remedy(
+        f"fit {found.name.replace('+', ' with ', 1).replace('+', ' and ')}, which errs {error:.3g} "
+        f"times {over} on held-out rows",
+        f"ecm fit DATA --model {name}{added} --out OUT",
+    )
+
+
 def _another_base(fitted: Model, table: Table) -> Remedy:
     """The command that adds the same effects to a base that holds them, where there is one."""
-    ids = [item.id for item in fitted.effects]
     six = table.has(*POSE, *WRENCH[:3])
     stated = table.physics_body is not None and six
     names = ["physics"] if stated else []
@@ -286,23 +315,13 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
         driven = ["actuated4", "actuated5", "actuated3"]
         names += driven if table.actuation_columns else ["energy6", "energy5", "energy4"]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
+    before = fitted.history[-2].held_out if len(fitted.history) > 1 else np.inf
     for name in names:
         if name == fitted.base.name:
             continue
-        try:
-            refuse_unused_inputs(table, parse_model(name))
-            base = fit_rows(table, parse_model(name))
-            found = base.add(*(item.effect for item in fitted.effects)).fit(table)
-        except (EcmError, np.linalg.LinAlgError):
-            continue
-        if not objections(found, table, base) and _better_base(found, table) is None:
-            added = " ".join(f"--add {id}" for id in ids)
-            over = "the base's own residual" if found.noise.is_residual else "the noise"
-            return Remedy(
-                f"{name} with {' and '.join(ids)} errs {found.history[-1].held_out:.3g} times "
-                f"{over} on held-out rows",
-                f"ecm fit DATA --model {name} {added} --out OUT",
-            )
+        found = remedy_with_base(name, [item.effect for item in fitted.effects], table, before)
+        if found is not None:
+            return found
     if stated:
         return Remedy("leave out what was added, or add something else")
     if not six:  # no physics can tell the stiffness
@@ -366,6 +385,7 @@ def refit(
     add: str | Effect | Sequence[str | Effect] = (),
     remove: str | Sequence[str] = (),
     freeze: str | Sequence[str] = (),
+    force: bool = False,
     progress: Progress | None = None,
 ) -> Model:
     """Fit a model again to a table, with an effect more or less.
@@ -384,6 +404,8 @@ def refit(
         Ids of effects that it has and shall not have. One alone needs no list.
     freeze
         Ids of effects whose values are kept. One alone needs no list.
+    force
+        Return also a model that `refuse_worse` refuses, as `ecm refit --force` saves it.
     progress
         Called with the part that is done, the whole, and the step that begins.
 
@@ -398,6 +420,8 @@ def refit(
     ------
     InputError
         Nothing to change, an unknown id, or an effect that the table cannot test.
+    ComputationError
+        The new model is worse than the one before, or than the mean of the readings.
 
     Examples
     --------
@@ -419,7 +443,28 @@ def refit(
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
     add, remove, freeze = listed(add), listed(remove), listed(freeze)
-    changed = as_model(model, table).remove(*remove).add(*add).freeze(*freeze)
+    model = as_model(model, table)
+    fitted = _changed(model, table, add, remove, freeze, progress)
+    if not force:
+        try:
+            # Without an effect a model errs more: that was asked for.
+            refuse_worse(fitted, table, before=None if remove else model)
+        except ComputationError as error:
+            said = f"refit: {error.message}; force=True returns it all the same"
+            raise ComputationError(said, remedy=error.remedy) from None
+    return fitted
+
+
+def _changed(
+    model: Model,
+    table: Table,
+    add: Sequence[str | Effect],
+    remove: Sequence[str],
+    freeze: Sequence[str],
+    progress: Progress | None,
+) -> Model:
+    """Fit a model with effects added, removed or kept."""
+    changed = model.remove(*remove).add(*add).freeze(*freeze)
     with naming_outliers(table):
         try:
             fitted = changed.fit(table, progress=progress)
@@ -490,7 +535,7 @@ def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Additi
     ids = tuple(effect.id for effect in new)
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     try:
-        found = refit(model, table, add=new)
+        found = _changed(model, table, new, (), (), None)
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said = getattr(error, "message", str(error))
