@@ -11,6 +11,7 @@ import ecm
 from ecm.effects.friction import Hysteresis
 from ecm.errors import ComputationError, remedy_of
 from ecm.io.arrays import rms
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import joint_fit
@@ -66,6 +67,23 @@ def test_a_refusal_names_a_base_that_holds_the_effect(measured: Table) -> None:
     assert remedy.command == "ecm fit DATA --model physics --add payload --out OUT"
     call = 'ecm.refit(ecm.fit(table, "physics"), table, add="payload")'
     assert str(caught.value).endswith(f":\n  better = {call}")
+
+
+def test_what_is_one_with_the_base_is_no_number_but_a_refusal() -> None:
+    """It was 4e-15 +- 3e-12 kg, and saved: a free base holds any load that has a potential."""
+    random = np.random.default_rng(0)
+    span, size = np.repeat([5e-3, 0.05], 3), np.repeat([20.0, 0.3], 3)
+    unit = random.uniform(-1.0, 1.0, (400, 6))
+    wrench = size * (unit + 0.001 * random.standard_normal((400, 6))) - [3.0, 0, 0, 0, 0, 0]
+    rows = np.column_stack([unit * span + [0.1, 0, 0, 0, 0, 0], wrench]).T
+    meta = {"mechanism": {"length_m": 0.1}}
+    table = ecm.Table(dict(zip([*POSE, *WRENCH], rows, strict=True)), meta)
+    before = fit_model(table, "energy4-general")
+    with pytest.raises(ComputationError, match="payload is one with coefficients of") as caught:
+        refit(before, table, add="payload")
+    remedy = remedy_of(caught.value)
+    assert remedy is not None
+    assert "--add payload" in remedy.command
 
 
 def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:

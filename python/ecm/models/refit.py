@@ -23,7 +23,7 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_rows, refuse_unused_inputs
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -78,6 +78,8 @@ def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float
 _WORSE = 1.1
 _ONE_COLUMN = 0.99
 """Correlation from which a parameter and a coefficient of the base are one column."""
+_ROUNDING = 1e-6
+"""Share of its usual size up to which a parameter is the rounding of zero."""
 _SD = 3.0
 """Standard deviations of the interval of a stiffness."""
 _MOST_MOVE = 0.05
@@ -186,9 +188,10 @@ def objections(fitted: Model, table: Table, before: Model) -> list[str]:
 def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
     """What these rows cannot tell of a base and the effect that was added to it.
 
-    A parameter at its bound that is one with a coefficient of the base; a stiffness at rest that
-    has left the interval that the rows gave it without the effect, although they do not
-    determine it with the effect; one that was positive and is not any more.
+    An effect that is one with coefficients of the base, of which the fit takes the smallest: zero.
+    A parameter at its bound that is one with a coefficient of the base. A stiffness at rest that
+    has left the interval that the rows gave it without the effect, although they do not determine
+    it with the effect; one that was positive and is not any more.
     """
     fitted, before = on_what_is_measured(fitted, table), on_what_is_measured(before, table)
     bounds = {
@@ -197,13 +200,24 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
         for j, parameter in enumerate(item.effect.parameters)
         if not item.frozen and item.at_bounds[j]
     }
+    alone = [
+        f"{item.id} is one with coefficients of {fitted.base.name}: these rows tell only their sum"
+        for item in fitted.effects
+        if fitted.training.get("smallest_taken") and not item.frozen and _is_taken(item)
+    ]
     of_effects = {name for name, own in fitted.params.items() if own.effect != "base"}
     reasons = [
         f"{name} = {bounds[name]:.3g} is at its bound and one with {other} of the base ({r:+.3f})"
         for other, name, r in fitted.correlations
         if name in bounds and other not in of_effects and abs(r) > _ONE_COLUMN
     ]
-    return reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
+    return alone + reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
+
+
+def _is_taken(item: FittedEffect) -> bool:
+    """Whether the base has taken all of an effect: each value and its error are only rounding."""
+    scale = np.array([parameter.scale for parameter in item.effect.parameters])
+    return bool((np.abs(item.values) + item.sd < _ROUNDING * scale).all())
 
 
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
