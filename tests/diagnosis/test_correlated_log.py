@@ -58,9 +58,9 @@ def test_rows_of_white_noise_are_as_many_as_before() -> None:
     assert len(found.problem.table) == 3000
 
 
-def test_what_the_model_explains_is_no_slow_noise() -> None:
-    """Six coordinates: no sum of cubics of each is the wrench, but the model is."""
-    time, poses = 0.02 * np.arange(6000.0), np.zeros((6000, 6))
+def six_columns(rows: int, step_s: float, friction_N: float = 0.0) -> ecm.Table:
+    """A log of six coordinates at once: no sum of cubics of each is the wrench, but a model is."""
+    time, poses = step_s * np.arange(rows), np.zeros((rows, 6))
     random = np.random.default_rng(0)
     for j, size in enumerate((0.001, 0.012, 0.012, 0.25, 0.25, 0.25)):
         for _ in range(3):
@@ -68,14 +68,30 @@ def test_what_the_model_explains_is_no_slow_noise() -> None:
             poses[:, j] += size / 2.0 * np.sin(2.0 * np.pi * turn * time + phase)
     poses[:, 0] += L
     sd = np.array([0.3] * 3 + [0.01] * 3)
-    loads = wrench(poses) + sd * random.standard_normal((6000, 6))
+    loads = wrench(poses) + sd * random.standard_normal((rows, 6))
+    slip = 0.0
+    for i, step in enumerate(np.diff(poses[:, 1], prepend=0.0) / 3e-3):
+        slip += step * (1.0 - abs(slip) ** 1.5 * (0.6 * np.sign(step * slip) + 0.4))
+        loads[i, 1] += friction_N * slip
     columns = columns_of(poses, loads)
-    table = ecm.Table(
+    return ecm.Table(
         columns | {"time_s": time},
         {"file": {"kind": "continuous"}, "mechanism": {"length_m": L}},
     )
+
+
+def test_what_the_model_explains_is_no_slow_noise() -> None:
+    table = six_columns(6000, 0.02)
     found = find_missing(ecm.fit_model(table, "energy4"), table, effects=["fts_offset"])
     assert len(found.problem.table) == 3000
+
+
+def test_friction_of_one_axis_of_six_is_named() -> None:
+    """A bush that slips along y: friction alike along all axes left most, and drag was named."""
+    table = six_columns(800, 0.1, friction_N=5.0)
+    found = ecm.diagnose(ecm.fit(table, "energy6"), table)
+    assert found.answer == (("hysteresis",),)
+    assert found.held_out.after < 0.5 * found.held_out.before
 
 
 @pytest.mark.parametrize(("seed", "correlation_s"), [(7, 1.0), (1, 3.0)])

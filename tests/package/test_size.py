@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_815, 200),
+    "python/ecm": (41_830, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (32_280, 230),
+    "tests": (32_325, 230),
     "crates": (34_350, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after

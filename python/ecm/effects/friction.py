@@ -149,7 +149,7 @@ class Hysteresis(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Local stiffness, or that at rest; with time also springs that slip after three paths.
 
-        A continuous test has the path itself, along which springs of the mid frame slip.
+        A continuous test has the path itself, along which all of them slip.
         """
         if self.of is not None:
             of = ",".join(resisting_pairs(table))
@@ -166,7 +166,7 @@ class Hysteresis(LinearEffect):
             slips = (listed_numbers(spread, share) for share in _MEAN_PATHS)
             slipping += [Hysteresis("each", springs=_SPRINGS, slip=slip) for slip in slips]
         if table.continuous:
-            return (slipping[1], slipping[0], slipping[2])
+            return (slipping[1], slipping[0], *slipping[2:])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
