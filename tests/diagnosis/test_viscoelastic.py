@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
+from ecm.comparison.structure import run_outliers
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.table import Table, read_table
 from ecm.models import fit_model
@@ -87,3 +88,12 @@ def test_runs_that_are_unlike_the_others_are_noticed(shared_data: Path, three: T
     assert "differs from the others" in strange
     assert "exchanged" not in strange
     assert any("run 3" in text for text in diagnose(fit_model(table, "poly:3"), table).warnings)
+
+
+def test_a_run_on_another_spring_is_no_exchange_of_columns() -> None:
+    """A quarter as stiff: exchanged, it is off by all of its size, which is no fit."""
+    x = np.tile(np.linspace(-0.02, 0.02, 40), 4)
+    run = np.repeat(np.arange(4.0), 40)
+    force = x * np.repeat([250.0, 900.0, 1000.0, 1100.0], 40)
+    (found,) = run_outliers(Table({"x_m": x, "fx_N": force, "run": run}), ["x_m"], ["fx_N"])
+    assert (found.run, found.swapped) == (0, False)

@@ -312,7 +312,7 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
         others = float(np.median(np.delete(errors, i)))
         if errors[i] > _OUTLYING * others:
             again = error(_exchanged(curves[i], x[run != number], y[run != number]), i)
-            swapped = again < _SWAPPED * errors[i]
+            swapped = again < min(_SWAPPED * errors[i], _OUTLYING * others)
             outliers.append(RunOutlier(int(number), errors[i], others, swapped))
     return outliers
 
