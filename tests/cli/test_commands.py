@@ -720,7 +720,7 @@ def test_compare_and_refit_tell_their_steps() -> None:
         "errors", "structure of the errors", "pose errors", "reference models", "residual maps",
     ]  # fmt: skip
     refitted: list[tuple[int, int, str]] = []
-    refit(model, table, add=["fts_drift"], progress=lambda *step: refitted.append(step))
+    refit(model, table, add=["fts_drift"], force=True, progress=lambda *step: refitted.append(step))
     assert refitted[1][2] == "form of fts_drift"
     for steps in (told, refitted):
         done = [step[0] for step in steps]

@@ -24,7 +24,7 @@ from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
-from ecm.models.fit import fit_model, fit_rows
+from ecm.models.fit import fit_rows, polynomial
 from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
@@ -524,9 +524,7 @@ def _whitener(table: Table) -> F:
         varies = np.ptp(truth, axis=0) > 1e-12
         spread = np.where(varies, truth.std(axis=0), np.inf)
         return np.tile(np.diag(1.0 / spread), (len(table), 1, 1))
-    name = "cubic" if len(table) >= 120 else "linear"
-    base = fit_model(table, name, force=True).base
-    return whiteners(declared_noise(table).covariance(Rows(table, base)))
+    return whiteners(declared_noise(table).covariance(Rows(table, polynomial(table))))
 
 
 def _square(
