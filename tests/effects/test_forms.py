@@ -9,6 +9,7 @@ import pytest
 from scipy import special
 
 from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.search import all_needed, delta_chi2, own_sign, rank, search
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.ageing import MullinsSoftening
@@ -25,6 +26,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import skew
 from ecm.io.table import Table, as_table
+from ecm.models import Model
 from ecm.models.fit import choose_base
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import without_zero_readings
@@ -233,6 +235,18 @@ def test_a_cable_at_the_rim_pulls_along_its_side(rows: Rows) -> None:
     # Opposite sides: a spring is the same, its growth changes sign.
     other = CableDrag(np.pi).columns(rows)
     assert np.abs(columns[:, 1, 3] - other[:, 1, 3]).max() < 0.5 * np.abs(columns[:, 1, 3]).max()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_gets_softer_towards_both_sides_is_no_cable(way: float) -> None:
+    """Its stiffness would be negative at the ends; three ribs on a body were named so at .9."""
+    poses = workspace_poses(60, 5)
+    read = wrench(poses)
+    read[:, 1] += way * 3e4 * poses[:, 1] * np.abs(poses[:, 1])
+    read += NOISE * np.random.default_rng(2).standard_normal(read.shape)
+    table = as_table(columns_of(poses, read) | {"time_s": 20.0 * np.arange(60.0)}, meta=META)
+    found = find_missing(Model(base=physics()), table, effects=["cable_drag"])
+    assert found.answer == ((("cable_drag",),) if way > 0.0 else ())
 
 
 def test_a_cable_is_tested_with_forces_alone(rows: Rows) -> None:

@@ -169,7 +169,7 @@ class CableDrag(LinearEffect):
 
     Parameters: force_*: pull of the cable along this axis at the rest pose; moment_*: its moment
     about this axis; spring: stiffness of the cable; along, across: stiffness in this direction of
-    the cable; along_growing: growth of the stiffness along it with the way.
+    the cable; along_growing: growth of the stiffness along it with the way: a cable gets stiffer.
     """
 
     id = "cable_drag"
@@ -203,7 +203,7 @@ class CableDrag(LinearEffect):
                 *CableDrag.parameters[:3],
                 Parameter("along", "N/m", 10.0, 0.0, 1e4),
                 Parameter("across", "N/m", 10.0, 0.0, 1e4),
-                Parameter("along_growing", "N/m^2", 200.0, -1e6, 1e6),
+                Parameter("along_growing", "N/m^2", 200.0, 0.0, 1e6),
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
