@@ -295,6 +295,24 @@ def test_a_sensor_at_its_range_is_told_at_that_row(tmp_path: Path) -> None:
     assert any("the sensor is at its range along fy_N" in words for words in table.warnings)
 
 
+@pytest.mark.parametrize(("part", "count"), [("wrench", 5), ("pose", 13)])  # two pose columns vary
+def test_an_instrument_that_stands_still_is_told_once(
+    tmp_path: Path, part: str, count: int
+) -> None:
+    rig = Rig()
+    read, kept = getattr(rig, part), list[Any]()
+
+    def stale(window_s: float) -> Any:
+        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1])
+        return kept[-1]
+
+    setattr(rig, part, stale)
+    table = run(plan_of(20), rig, tmp_path / "data.csv")
+    said = [words for words in table.warnings if "to the last digit" in words]
+    assert len(said) == 1
+    assert f": the {part} is the same to the last digit at the last {count} poses" in said[0]
+
+
 def test_no_pose_begins_after_the_time(tmp_path: Path) -> None:
     rig = Rig(settle_s=0.05)
     table = run(plan_of(60), rig, tmp_path / "data.csv", minutes=1.0 / 60.0)

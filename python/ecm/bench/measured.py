@@ -17,6 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.events import tell
+from ecm.io.sanity import standing
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
@@ -213,9 +214,10 @@ class Run:
         if self._reads_zero(taken):
             self.zero = taken.reading.sensor
         self.off = np.zeros(6)
+        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
         if taken.kind == AT_POSE:
             self._compare_with_repeat(visit.pose_id, taken.reading)
-        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
+            found += self._standing()
         self.home_due -= 1
         if taken.kind == AT_HOME or (taken.kind == AT_POSE and self.offset(visit.row) is None):
             at_home = taken.kind == AT_HOME
@@ -268,6 +270,25 @@ class Run:
                 found.append(
                     f"the last {_ROWS_OF_SLIP} poses are {_size(step)} farther from the commanded "
                     "ones than those before: a marker may have slipped; the rest pose is looked at"
+                )
+        return found
+
+    def _standing(self) -> list[str]:
+        """Words, once, for an instrument that reads the same at the latest poses."""
+        latest = [self.taken[i] for i in self.at_poses[-_ROWS_COMPARED:]]
+        asked = np.stack([self.timeline.visits[one.number].pose for one in latest])
+        reach, found = np.ptp(self.poses, axis=0), []
+        for part, name in (("pose", "pose"), ("wrench", "sensor")):
+            read = np.stack([getattr(one.reading, name) for one in latest])
+            last, before = (
+                [rows for rows in standing(read[:n], asked[:n], reach) if rows.stop == n]
+                for n in (len(latest), len(latest) - 1)
+            )
+            if last and not before:
+                count = last[0].stop - last[0].start
+                found.append(
+                    f"the {part} is the same to the last digit at the last {count} poses, which "
+                    f"are far apart: look whether [{part}] still reads"
                 )
         return found
 
