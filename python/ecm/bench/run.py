@@ -324,7 +324,9 @@ def _drive(
             messages.mover.stop()
             raise _told_error(error, run, messages.mover.words()) from error
     except KeyboardInterrupt:
-        messages.mover.stop()
+        stopping = Status(messages.mover.stop)
+        messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
+        stopping.exception(None)
         messages.told(messages.mover.words())
         with suppress(TimeoutError):
             work.exception(_ENDS_S)
