@@ -467,7 +467,7 @@ def test_an_answer_to_no_question_stops_the_run() -> None:
         connection, _ = listener.accept()
     with connection:
         connection.sendall(b'{"ok": true, "degC": 20.0}\n')  # later answers would be one late
-        with pytest.raises(DeviceError, match=r"degC.: 20\.0}'` came before `temperature` and ans"):
+        with pytest.raises(DeviceError, match=r"degC.: 20\.0}'` came before `temperature`, and n"):
             device.temperature()
     with pytest.raises(DeviceError, match=r"the connection was closed$"):
         device.temperature()

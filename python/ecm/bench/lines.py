@@ -143,8 +143,8 @@ class LineDevice:
                 # All later answers would be those of the question before.
                 line = self._line(time.monotonic() + self._timeout_s)
                 raise DeviceError(
-                    f"{self._address}: `{line[:60]!r}` came before `{question['do']}` and answers "
-                    "no question: expected one answer to each line"
+                    f"{self._address}: `{line[:60]!r}` came before `{question['do']}`, and nobody "
+                    "asked for it: expected one answer to each line"
                 )
             return self._read(self._write(question), more_s)
 
