@@ -621,6 +621,11 @@ def test_what_a_bench_lacks_is_named() -> None:
         envelope(plan_of(), Bench.from_dict(alone, "bench.toml"))
     zeroed = Bench.from_dict(alone | {"rig": {"offset_compensation": "none"}}, "bench.toml")
     assert envelope(plan_of(), zeroed)[1][0] == "12 visits, about 1 minutes"
+    for action in ("unload", "remount:90"):
+        handled = plan_of(action=[*["measure"] * 11, action])
+        word = action.partition(":")[0]
+        with pytest.raises(InputError, match=f"row 12: `{word}` is done by a person, and bench"):
+            envelope(handled, zeroed)
     warm = Bench.from_dict(tables | {"rig": {"offset_compensation": "temperature"}}, "bench.toml")
     with pytest.raises(InputError, match=r"there is no \[thermometer\]"):
         envelope(plan_of(), warm)
