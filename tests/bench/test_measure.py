@@ -260,6 +260,14 @@ def test_another_plan_does_not_go_on_in_this_journal(tmp_path: Path) -> None:
         run(plan_of(), rig, tmp_path / "data.csv")
     with pytest.raises(InputError, match="journal of another campaign"):
         run(plan_of(10), Rig(), tmp_path / "data.csv")
+    journal = tmp_path / "data.journal.csv"
+    whole = journal.read_text().splitlines()
+    for damaged in (whole[3].replace(",", ";", 1), whole[3][:50], "1.5" + whole[3][1:]):
+        journal.write_text("\n".join([*whole[:3], damaged, *whole[4:], ""]))
+        with pytest.raises(
+            InputError, match=r"journal\.csv line 4: found .*, expected 30 numbers; "
+        ):
+            run(plan_of(), Rig(), tmp_path / "data.csv")
 
 
 def test_a_row_that_differs_from_its_repeat_is_measured_again_at_once(tmp_path: Path) -> None:

@@ -71,11 +71,11 @@ class Taken:
         return ",".join([*map(str, words), *map(repr, self.inputs.tolist())])
 
     @staticmethod
-    def parse(line: str, where: str) -> Taken:
+    def parse(line: str) -> Taken:
         """The inverse of `line`."""
         number, row, kind, time_s, *cells = line.split(",")
         count = HEADER.count(",") + 1
-        reading = Reading.parse(",".join(cells[:count]), where)
+        reading = Reading.parse(",".join(cells[:count]))
         inputs = np.asarray(cells[count:], dtype=np.float64)
         return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 

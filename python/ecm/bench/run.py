@@ -269,7 +269,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         files.enter_context(told_beside(out))
         tell_begun(plan, columns=bench.columns, of=run.total)
         for line in journal.lines:
-            taken = Taken.parse(line, str(journal.path))
+            taken = Taken.parse(line)
             run.lay_out_to(taken)
             run.told(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
