@@ -632,7 +632,7 @@ def test_what_a_bench_lacks_is_named() -> None:
     for action in ("unload", "remount:90"):
         handled = plan_of(action=[*["measure"] * 11, action])
         word = action.partition(":")[0]
-        with pytest.raises(InputError, match=f"row 12: `{word}` is done by a person, and bench"):
+        with pytest.raises(InputError, match=f"row 12: `{word}` is done by hand, and bench"):
             envelope(handled, zeroed)
     warm = Bench.from_dict(tables | {"rig": {"offset_compensation": "temperature"}}, "bench.toml")
     with pytest.raises(InputError, match=r"there is no \[thermometer\]"):

@@ -82,8 +82,8 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
         remedy = Remedy('or add the table [person] with device = "manual"')
         if by_person:
             raise InputError(
-                f"{plan.source} row {by_person.row + 1}: `{by_person.action.name}` is done by a "
-                f"person, and {bench.where} has no [person]; take the row out",
+                f"{plan.source} row {by_person.row + 1}: `{by_person.action.name}` is done by "
+                f"hand, and {bench.where} has no [person]; take the row out",
                 remedy=remedy,
             )
         raise InputError(
