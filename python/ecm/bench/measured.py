@@ -277,20 +277,16 @@ class Run:
         """Words, once, for an instrument that reads the same at the latest poses."""
         latest = [self.taken[i] for i in self.at_poses[-_ROWS_COMPARED:]]
         asked = np.stack([self.timeline.visits[one.number].pose for one in latest])
-        reach, found = np.ptp(self.poses, axis=0), []
-        for part, name in (("pose", "pose"), ("wrench", "sensor")):
-            read = np.stack([getattr(one.reading, name) for one in latest])
-            last, before = (
-                [rows for rows in standing(read[:n], asked[:n], reach) if rows.stop == n]
-                for n in (len(latest), len(latest) - 1)
-            )
-            if last and not before:
-                count = last[0].stop - last[0].start
-                found.append(
-                    f"the {part} is the same to the last digit at the last {count} poses, which "
-                    f"are far apart: look whether [{part}] still reads"
-                )
-        return found
+        pose, sensor = (
+            np.stack([getattr(one.reading, name) for one in latest]) for name in ("pose", "sensor")
+        )
+        reach = np.ptp(self.poses, axis=0)
+        return [
+            f"the {part} is the same to the last digit at the last poses, which are far apart: "
+            f"look whether [{part}] still reads"
+            for part, read in (("pose", pose), ("wrench", sensor))
+            if len(standing(read, asked, reach)) > len(standing(read[:-1], asked[:-1], reach))
+        ]
 
     def _reads_zero(self, taken: Taken) -> bool:
         """Whether the sensor was free, with nothing on it."""

@@ -391,19 +391,17 @@ def _equal(changes: B) -> tuple[I, I]:
 
 def _stuck_sensor(rows: Table) -> list[SuspectRows]:
     """What `suspect_rows` finds in static measurements."""
-    if not (len(rows) and rows.pose_columns and rows.wrench_columns):
+    if not (len(rows) and rows.pose_columns) or {*rows.wrench_columns} <= {*never_excited(rows)}:
         return []
-    poses, wrenches = rows.matrix(rows.pose_columns), rows.matrix(rows.wrench_columns)
-    if not np.ptp(wrenches, axis=0).any():
-        return []  # constant: said as never excited
-    seen = [wrenches]
+    poses, seen = rows.matrix(rows.pose_columns), [rows.matrix(rows.wrench_columns)]
     if rows.has(*POSE[3:], *WRENCH):
-        seen.append(turn_wrench(transpose(rotation(rows.matrix(POSE[3:]))), wrenches))
+        seen.append(turn_wrench(transpose(rotation(rows.matrix(POSE[3:]))), seen[0]))
     words = "the whole wrench stays the same to the last digit while the pose moves on"
     found = (standing(own, poses, np.ptp(poses, axis=0)) for own in seen)
-    numbers = rows.numbers_in_file
-    parts = next(filter(None, found), [])
-    return [SuspectRows("stuck", words, tuple(numbers[part].tolist())) for part in parts]
+    return [
+        SuspectRows("stuck", words, tuple(rows.numbers_in_file[part].tolist()))
+        for part in next(filter(None, found), [])
+    ]
 
 
 def record_leave_out(path: Path, description: Path) -> dict[str, str]:
