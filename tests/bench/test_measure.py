@@ -510,8 +510,11 @@ POSE_TOLD = f'{{"ok": true, "mean": {[0.0] * 6}, "sd": {[0.0] * 6}}}'
     ("form", "answers", "said"),
     [
         ("json", [POSE_TOLD, '{"ok": true}'], "None"),
+        ("late", [POSE_TOLD, '{"ok": true}'], "no answer within 0.5 s"),
+        ("late", [POSE_TOLD], "no answer within 0.5 s"),
         ("json", [POSE_TOLD], "None"),
         ("json", [], "no answer within 0.5 s"),
+        ("json", ["no JSON"], "expected a JSON object with mean"),
         ("json", ['{"ok": true}'], "no answer to `pose`, and then one to `stop`"),
         ("csv", ["ok"], "no answer to `pose`, and then one to `stop`"),
     ],
@@ -521,7 +524,8 @@ def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         address = f"127.0.0.1:{listener.getsockname()[1]}"
-        device = opened("line", {"address": address, "form": form, "timeout_s": 0.5}, "bench")
+        settings = {"form": "json" if form == "late" else form, "timeout_s": 0.5}
+        device = opened("line", {"address": address} | settings, "bench")
         connection, _ = listener.accept()
     with connection, connection.makefile("rwb") as stream:
         calls = []
@@ -529,12 +533,14 @@ def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
             calls.append(Status(call))
             connection.settimeout(5.0)
             assert word in stream.readline()
+            if form == "late":
+                calls[0].exception(5.0)
         stream.write("".join(f"{line}\n" for line in answers).encode())
         stream.flush()
         heard = [call.exception(5.0) for call in calls]
     device.close()
     assert said in str(heard[0])
-    assert (heard[1] is None) == (answers[-1:] not in ([], [POSE_TOLD]))
+    assert (heard[1] is None) == (answers[-1:] in (['{"ok": true}'], ["ok"]))
 
 
 def test_a_class_of_one_s_own_is_found_by_its_entry_point(

@@ -31,7 +31,6 @@ import socket
 import struct
 import threading
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,13 +42,7 @@ from ecm.io.extras import require
 
 _KEYS = {"settled": "settled", "wrench": "samples", "pose": "mean"}
 _KEYS |= {"temperature": "degC", "actuation": "values"}
-"""What the answer to a question must have."""
-
-
-@dataclass(eq=False)
-class _Question:
-    do: str
-    answer: bytes = b""
+"""What tells the answer to a question from one to `stop`."""
 
 
 class LineDevice:
@@ -74,8 +67,7 @@ class LineDevice:
             raise InputError(f"form = '{form}': expected json or csv")
         self._csv = form == "csv"
         self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
-        self._order, self._open = threading.Lock(), list[_Question]()
-        """What was asked and not answered, in the order of the lines."""
+        self._stopping = False
         self._address = address
         self._link: Any
         host, colon, port = address.rpartition(":")
@@ -98,9 +90,11 @@ class LineDevice:
 
     def stop(self) -> None:
         """Stop at once, whatever else is waited for: the answers come in the order of questions."""
-        stop = self._write({"do": "stop"})
+        self._stopping = True
+        self._write({"do": "stop"})
         with self._lock:
-            self._read(stop)
+            self._stopping = False
+            self._read("stop")
 
     def wrench(self, window_s: float) -> F:
         """Samples (n, 6) over a window, in sensor axes."""
@@ -137,58 +131,43 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            for lost in [one for one in self._open if one.do != "stop"]:
-                self._open.remove(lost)
-            if not self._open and (self._rest or select.select([self._fd], [], [], 0.0)[0]):
+            come = self._rest or select.select([self._fd], [], [], 0.0)[0]
+            if come and not self._stopping:
                 # All later answers would be those of the question before.
                 line = self._line(time.monotonic() + self._timeout_s)
                 raise DeviceError(
                     f"{self._address}: `{line[:60]!r}` came before `{question['do']}`, and nobody "
                     "asked for it: expected one answer to each line"
                 )
-            return self._read(self._write(question), more_s)
+            self._write(question)
+            return self._read(question["do"], more_s)
 
-    def _write(self, question: dict[str, Any]) -> _Question:
+    def _write(self, question: dict[str, Any]) -> None:
         text = _csv_line(question) if self._csv else json.dumps(question)
-        asked = _Question(question["do"])
-        with self._order:
-            self._open.append(asked)
-            os.write(self._fd, text.encode() + b"\n")
-        return asked
+        os.write(self._fd, text.encode() + b"\n")
 
-    def _read(self, asked: _Question, more_s: float = 0.0) -> dict[str, Any]:
-        until_s = time.monotonic() + self._timeout_s + more_s
-        try:
-            while asked in self._open:
-                line = self._line(until_s)
-                # Where an answer was lost, the line is that to the stop behind it.
-                fits = (i for i, one in enumerate(self._open) if self._parsed(one.do, line))
-                at = next(fits, 0)
-                self._open[at].answer = line
-                del self._open[: at + 1]
-        finally:
-            if asked in self._open and asked.do not in _KEYS:  # which are known when they come late
-                self._open.remove(asked)
-        if not asked.answer:
-            raise DeviceError(f"{self._address}: no answer to `{asked.do}`, and then one to `stop`")
-        answer = self._parsed(asked.do, asked.answer)
-        if not answer:
-            key = _KEYS.get(asked.do, "ok")
+    def _read(self, do: str, more_s: float = 0.0) -> dict[str, Any]:
+        until_s, key = time.monotonic() + self._timeout_s + more_s, _KEYS.get(do, "ok")
+        answer: Any
+        while True:
+            line = self._line(until_s)
+            try:
+                answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
+                good = isinstance(answer, dict) and (not answer["ok"] or key in answer)
+            except (ValueError, LookupError):
+                answer, good = None, False
+            # What was asked before a stop may be answered late.
+            if do != "stop" or not good or answer.keys().isdisjoint(_KEYS.values()):
+                break
+        if not good and self._stopping and isinstance(answer, dict):
+            self._rest = line + b"\n" + self._rest  # for the stop, which waits behind this
+            raise DeviceError(f"{self._address}: no answer to `{do}`, and then one to `stop`")
+        if not good:
             expected = "ok or error, then numbers" if self._csv else f"a JSON object with {key}"
-            said = f"answered `{asked.answer[:60]!r}`, expected {expected}"
-            raise DeviceError(f"{self._address}: {said}")
+            raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected {expected}")
         if not answer["ok"]:
             raise DeviceError(f"{self._address}: {answer.get('error', 'refused without a reason')}")
-        return answer
-
-    def _parsed(self, do: str, line: bytes) -> dict[str, Any]:
-        """The answer to a question; empty where the line is none."""
-        try:
-            answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
-            good = isinstance(answer, dict) and (not answer["ok"] or _KEYS.get(do, "ok") in answer)
-        except (ValueError, LookupError):
-            good = False
-        return dict(answer) if good else {}
+        return dict(answer)
 
     def _line(self, until_s: float) -> bytes:
         while b"\n" not in self._rest:
@@ -223,8 +202,8 @@ def _csv_answer(do: str, line: str) -> dict[str, Any]:
     if word != "ok":
         raise ValueError
     numbers = [float(cell) for cell in cells]
-    if do in _KEYS and not numbers:
-        raise ValueError
+    if not numbers:
+        return {"ok": True}
     if do == "settled":
         return {"ok": True, "settled": numbers[0] != 0.0}
     if do == "temperature":
