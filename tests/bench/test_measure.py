@@ -26,7 +26,7 @@ import ecm
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError, opened
 from ecm.bench.manual import Manual
-from ecm.bench.messages import Stopped, _Mover
+from ecm.bench.messages import Status, Stopped, _Mover
 from ecm.bench.run import envelope
 from ecm.errors import InputError
 from ecm.io.columns import POSE
@@ -189,6 +189,7 @@ def test_a_force_beyond_the_limit_while_it_moves_stops_the_mover_first(tmp_path:
         ({"velocity": 0.1}, r"mm from rest, limit 20 mm \(shift_m\)"),
         ({"hangs": "wrench"}, r"the wrench did not answer within 0\.51 s\. The mover was stopped"),
         ({"hangs": "settled"}, r"the mover did not answer within 0\.5 s"),
+        ({"hangs": "start"}, r"the mover did not answer within 0\.5 s\. The mover was stopped"),
         ({"hangs": "pose"}, r"the pose did not answer within 0\.51 s"),
         ({"breaks": "settled"}, r"the mover failed: ValueError: no brake\. The mover was stopped"),
         ({"velocity": 0.3, "hangs": "stop"}, r"mm/s.* THE MOVER HAS NOT ANSWERED THE STOP"),
@@ -259,6 +260,14 @@ def test_another_plan_does_not_go_on_in_this_journal(tmp_path: Path) -> None:
         run(plan_of(), rig, tmp_path / "data.csv")
     with pytest.raises(InputError, match="journal of another campaign"):
         run(plan_of(10), Rig(), tmp_path / "data.csv")
+    journal = tmp_path / "data.journal.csv"
+    whole = journal.read_text().splitlines()
+    for damaged in (whole[3].replace(",", ";", 1), whole[3][:50], "1.5" + whole[3][1:]):
+        journal.write_text("\n".join([*whole[:3], damaged, *whole[4:], ""]))
+        with pytest.raises(
+            InputError, match=r"journal\.csv line 4: found .*, expected 30 numbers; "
+        ):
+            run(plan_of(), Rig(), tmp_path / "data.csv")
 
 
 def test_a_row_that_differs_from_its_repeat_is_measured_again_at_once(tmp_path: Path) -> None:
@@ -295,6 +304,24 @@ def test_a_sensor_at_its_range_is_told_at_that_row(tmp_path: Path) -> None:
     assert any("the sensor is at its range along fy_N" in words for words in table.warnings)
 
 
+@pytest.mark.parametrize(("part", "visit"), [("wrench", 7), ("pose", 15)])  # of 6, and of 2 columns
+def test_an_instrument_that_stands_still_is_told_once(
+    tmp_path: Path, part: str, visit: int
+) -> None:
+    rig = Rig()
+    read, kept = getattr(rig, part), list[Any]()
+
+    def stale(window_s: float) -> Any:
+        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1])
+        return kept[-1]
+
+    setattr(rig, part, stale)
+    table = run(plan_of(20), rig, tmp_path / "data.csv")
+    said = [words for words in table.warnings if "to the last digit" in words]
+    assert len(said) == 1
+    assert said[0].startswith(f"visit {visit}: the {part} is the same")
+
+
 def test_no_pose_begins_after_the_time(tmp_path: Path) -> None:
     rig = Rig(settle_s=0.05)
     table = run(plan_of(60), rig, tmp_path / "data.csv", minutes=1.0 / 60.0)
@@ -311,6 +338,7 @@ import importlib.util
 spec = importlib.util.spec_from_file_location("rigs", {file!r})
 rigs = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(rigs)
+rigs.unsaid = print
 rigs.run(rigs.plan_of(), rigs.Rig(settle_s=0.1), Path({out!r}), progress={progress})
 """
 
@@ -344,9 +372,10 @@ def fill_the_disk(done: int, total: int, what: str) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100 * (grown // 100), -1))
 
 
-def take_time(done: int, total: int, what: str) -> None:
-    """Leave room to kill the run between two readings, on a loaded machine as well."""
-    time.sleep(0.2)
+def wait_to_be_killed(done: int, total: int, what: str) -> None:
+    """No run ends before the signal comes."""
+    if done == 6:
+        time.sleep(60.0)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
@@ -361,9 +390,10 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     )
     assert re.search(r"stopped at visit 4: .*File too large.* The mover was stopped", said.stderr)
     assert journal.stat().st_size % 100 == 0  # the fourth line is cut
-    first, script = 3, SCRIPT.format(**known, progress="rigs.take_time")
+    stops = ["the mover is being stopped", "The mover was stopped"]
+    first, script = 3, SCRIPT.format(**known, progress="rigs.wait_to_be_killed")
     process = subprocess.Popen(
-        [sys.executable, "-c", script], stderr=subprocess.PIPE, start_new_session=True
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, start_new_session=True
     )
     until = time.monotonic() + 60.0
     while len(journal.read_text().splitlines()) < first + 6:
@@ -371,9 +401,10 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
         time.sleep(0.02)
     process.send_signal(number)
     began = time.monotonic()
-    process.communicate(timeout=30.0)
+    told = process.communicate(timeout=30.0)[0].decode().splitlines()[1:]
     assert process.returncode != 0
     assert time.monotonic() - began < 10.0
+    assert [line.split(";")[0] for line in told] == stops * (number == signal.SIGINT)
     assert not out.exists()
     kept = int(journal.read_text().splitlines()[-1].split(",")[0]) + 1
     table = run(plan_of(), Rig(), out)
@@ -444,8 +475,10 @@ def test_an_answer_to_no_question_stops_the_run() -> None:
         connection, _ = listener.accept()
     with connection:
         connection.sendall(b'{"ok": true, "degC": 20.0}\n')  # later answers would be one late
-        with pytest.raises(DeviceError, match="nobody asked for"):
+        with pytest.raises(DeviceError, match=r"degC.: 20\.0}'` came before `temperature`, and n"):
             device.temperature()
+    with pytest.raises(DeviceError, match=r"the connection was closed$"):
+        device.temperature()
     device.close()
 
 
@@ -470,22 +503,44 @@ def test_two_looks_are_apart_where_a_device_answers_at_once() -> None:
     assert min(np.diff(times)) > 0.015
 
 
-def test_a_stop_does_not_wait_for_the_answer_to_another_question() -> None:
+POSE_TOLD = f'{{"ok": true, "mean": {[0.0] * 6}, "sd": {[0.0] * 6}}}'
+
+
+@pytest.mark.parametrize(
+    ("form", "answers", "said"),
+    [
+        ("json", [POSE_TOLD, '{"ok": true}'], "None"),
+        ("late", [POSE_TOLD, '{"ok": true}'], "no answer within 0.5 s"),
+        ("late", [POSE_TOLD], "no answer within 0.5 s"),
+        ("json", [POSE_TOLD], "None"),
+        ("json", [], "no answer within 0.5 s"),
+        ("json", ["no JSON"], "expected a JSON object with mean"),
+        ("json", ['{"ok": true}'], "no answer to `pose`, and then one to `stop`"),
+        ("csv", ["ok"], "no answer to `pose`, and then one to `stop`"),
+    ],
+)
+def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
+    form: str, answers: list[str], said: str
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        device = opened("line", {"address": f"127.0.0.1:{listener.getsockname()[1]}"}, "bench")
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        settings = {"form": "json" if form == "late" else form, "timeout_s": 0.5}
+        device = opened("line", {"address": address} | settings, "bench")
         connection, _ = listener.accept()
-    calls = [lambda: device.ask("take an hour"), device.stop]
     with connection, connection.makefile("rwb") as stream:
-        for call, word in zip(calls, (b"ask", b"stop"), strict=True):
-            threading.Thread(target=call).start()
+        calls = []
+        for call, word in ((partial(device.pose, 0.1), b"pose"), (device.stop, b"stop")):
+            calls.append(Status(call))
             connection.settimeout(5.0)
             assert word in stream.readline()
-        stream.write(2 * b'{"ok": true}\n')
+            if form == "late":
+                calls[0].exception(5.0)
+        stream.write("".join(f"{line}\n" for line in answers).encode())
         stream.flush()
-        for thread in threading.enumerate():
-            if thread.name.endswith(("(<lambda>)", "(stop)")):
-                thread.join(5.0)
+        heard = [call.exception(5.0) for call in calls]
     device.close()
+    assert said in str(heard[0])
+    assert (heard[1] is None) == (answers[-1:] in (['{"ok": true}'], ["ok"]))
 
 
 def test_a_class_of_one_s_own_is_found_by_its_entry_point(
@@ -580,6 +635,11 @@ def test_what_a_bench_lacks_is_named() -> None:
         envelope(plan_of(), Bench.from_dict(alone, "bench.toml"))
     zeroed = Bench.from_dict(alone | {"rig": {"offset_compensation": "none"}}, "bench.toml")
     assert envelope(plan_of(), zeroed)[1][0] == "12 visits, about 1 minutes"
+    for action in ("unload", "remount:90"):
+        handled = plan_of(action=[*["measure"] * 11, action])
+        word = action.partition(":")[0]
+        with pytest.raises(InputError, match=f"row 12: `{word}` is done by hand, and bench"):
+            envelope(handled, zeroed)
     warm = Bench.from_dict(tables | {"rig": {"offset_compensation": "temperature"}}, "bench.toml")
     with pytest.raises(InputError, match=r"there is no \[thermometer\]"):
         envelope(plan_of(), warm)

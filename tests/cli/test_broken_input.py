@@ -174,6 +174,8 @@ CASES = (
     Case("no poses", ("design", "d.csv", "--n", "0", "--out", "p.csv"),
          ("--n", "x>=1"),
          {"d.csv": GOOD}),
+    Case("NaN in a plan", ("campaign", "d.csv", "--rig", "r.toml", "--out", "o.csv"),
+         ("ecm check d.csv --leave-out",), {"r.toml": "", "d.csv": cell(7, 1, "nan")}),
     Case("unknown key of a rig", ("campaign", "d.csv", "--rig", "r.toml", "--out", "o.csv"),
          ("r.toml [rig]", "dwell"), {"d.csv": GOOD, "r.toml": "[rig]\ndwel_s = 3\n"}),
     Case("unknown effect to hide", ("campaign", "d.csv", "--rig", "r.toml", "--out", "o.csv",

@@ -77,7 +77,7 @@ sys.exit(reported(work))
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_pipe_that_nobody_reads_does_not_hold_the_command(tmp_path: Path, number: int) -> None:
     os.mkfifo(tmp_path / "out")
     arguments = [sys.executable, "-c", WAITS, tmp_path / "out"]

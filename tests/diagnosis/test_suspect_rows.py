@@ -11,8 +11,10 @@ import pytest
 
 import ecm
 import ecm.io.description
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import rows_of
 from ecm.io.sanity import suspect_rows
+from ecm.io.se3 import rotation, turn_wrench
 from support.neck import Done, csv_text
 
 F = np.ndarray[Any, np.dtype[np.float64]]
@@ -123,6 +125,28 @@ def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
         columns["y_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)
         columns["z_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)
     assert found(columns) == {}
+
+
+@pytest.mark.parametrize(
+    "fault", ["base", "sensor", "coarse", "slack", "repeats", "weights", "load"]
+)
+def test_a_wrench_that_repeats_at_poses_far_apart_is_a_stuck_sensor(fault: str) -> None:
+    rng = np.random.default_rng(2)
+    poses = rng.uniform(-1.0, 1.0, (60, 6)) * np.repeat([0.01, 0.3], 3)
+    if fault == "repeats":
+        poses[30:] = poses[30] + 1e-6 * rng.normal(size=(30, 6))
+    wrenches = poses * np.repeat([1e3, 10.0], 3) + 0.05 * rng.normal(size=(60, 6))
+    wrenches[30:] = {
+        "sensor": turn_wrench(rotation(poses[30:, 3:]), wrenches[30]),
+        "slack": 0.0,
+    }.get(fault, wrenches[30])
+    if fault == "coarse":  # every 12 rows one digit more, beside a zero that is not read
+        wrenches = np.repeat(np.arange(5.0), 12)[:, None] + np.arange(1.0, 7.0)
+    elif fault in ("weights", "load"):  # each weight hangs while the pressure sweeps
+        wrenches = wrenches[np.arange(60) // (10 if fault == "weights" else 60)]
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    rows = {*range(31, 61)} if fault in ("base", "sensor") else None
+    assert found(columns, kind="static").get("stuck") == rows
 
 
 def test_one_flag_leaves_them_out_for_every_command(

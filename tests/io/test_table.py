@@ -236,6 +236,10 @@ def test_whole_numbers_and_kinds_are_checked() -> None:
         as_table(rows | {"pose_id": [0.0, 1.5]})
     with pytest.raises(InputError, match="found 'homing', expected pose, home or unloaded"):
         as_table(rows | {"kind": ["pose", "homing"]})
+    with pytest.raises(
+        InputError, match="row 1, column 'dwell_s': found -1, expected at least 0 s"
+    ):
+        as_table(rows | {"dwell_s": [np.nan, -1.0]})
     with pytest.raises(InputError, match="found 2, expected -1, 0 or 1"):
         as_table(rows | {"q1_dir": [1.0, 2.0]})
 

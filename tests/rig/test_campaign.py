@@ -149,7 +149,7 @@ def test_a_journal_that_cannot_be_written_again_keeps_its_readings(tmp_path: Pat
     path = tmp_path / "data.journal.csv"
     with Journal(path, "key", "header", resume=True) as journal:
         for _ in range(5):
-            journal.append("a reading of some length")
+            journal.append(24 * "1")
     before = path.read_bytes()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (40, limits[1]))

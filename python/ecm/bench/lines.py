@@ -40,6 +40,10 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 
+_KEYS = {"settled": "settled", "wrench": "samples", "pose": "mean"}
+_KEYS |= {"temperature": "degC", "actuation": "values"}
+"""What tells the answer to a question from one to `stop`."""
+
 
 class LineDevice:
     """A program or a microcontroller that answers lines of JSON or CSV.
@@ -63,6 +67,7 @@ class LineDevice:
             raise InputError(f"form = '{form}': expected json or csv")
         self._csv = form == "csv"
         self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
+        self._stopping = False
         self._address = address
         self._link: Any
         host, colon, port = address.rpartition(":")
@@ -85,8 +90,10 @@ class LineDevice:
 
     def stop(self) -> None:
         """Stop at once, whatever else is waited for: the answers come in the order of questions."""
+        self._stopping = True
         self._write({"do": "stop"})
         with self._lock:
+            self._stopping = False
             self._read("stop")
 
     def wrench(self, window_s: float) -> F:
@@ -124,11 +131,13 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            if self._rest or select.select([self._fd], [], [], 0.0)[0]:
+            come = self._rest or select.select([self._fd], [], [], 0.0)[0]
+            if come and not self._stopping:
                 # All later answers would be those of the question before.
+                line = self._line(time.monotonic() + self._timeout_s)
                 raise DeviceError(
-                    f"{self._address}: a line that nobody asked for came before `{question['do']}`"
-                    ", or the connection was closed: expected one answer to each line"
+                    f"{self._address}: `{line[:60]!r}` came before `{question['do']}`, and nobody "
+                    "asked for it: expected one answer to each line"
                 )
             self._write(question)
             return self._read(question["do"], more_s)
@@ -138,14 +147,23 @@ class LineDevice:
         os.write(self._fd, text.encode() + b"\n")
 
     def _read(self, do: str, more_s: float = 0.0) -> dict[str, Any]:
-        line = self._line(time.monotonic() + self._timeout_s + more_s)
-        try:
-            answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
-            good = isinstance(answer, dict) and "ok" in answer
-        except (ValueError, IndexError):
-            good = False
+        until_s, key = time.monotonic() + self._timeout_s + more_s, _KEYS.get(do, "ok")
+        answer: Any
+        while True:
+            line = self._line(until_s)
+            try:
+                answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
+                good = isinstance(answer, dict) and (not answer["ok"] or key in answer)
+            except (ValueError, LookupError):
+                answer, good = None, False
+            # What was asked before a stop may be answered late.
+            if do != "stop" or not good or answer.keys().isdisjoint(_KEYS.values()):
+                break
+        if not good and self._stopping and isinstance(answer, dict):
+            self._rest = line + b"\n" + self._rest  # for the stop, which waits behind this
+            raise DeviceError(f"{self._address}: no answer to `{do}`, and then one to `stop`")
         if not good:
-            expected = "ok or error, then numbers" if self._csv else "a JSON object"
+            expected = "ok or error, then numbers" if self._csv else f"a JSON object with {key}"
             raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected {expected}")
         if not answer["ok"]:
             raise DeviceError(f"{self._address}: {answer.get('error', 'refused without a reason')}")
@@ -184,6 +202,8 @@ def _csv_answer(do: str, line: str) -> dict[str, Any]:
     if word != "ok":
         raise ValueError
     numbers = [float(cell) for cell in cells]
+    if not numbers:
+        return {"ok": True}
     if do == "settled":
         return {"ok": True, "settled": numbers[0] != 0.0}
     if do == "temperature":

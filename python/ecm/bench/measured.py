@@ -17,6 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.events import tell
+from ecm.io.sanity import standing
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
@@ -70,11 +71,11 @@ class Taken:
         return ",".join([*map(str, words), *map(repr, self.inputs.tolist())])
 
     @staticmethod
-    def parse(line: str, where: str) -> Taken:
+    def parse(line: str) -> Taken:
         """The inverse of `line`."""
         number, row, kind, time_s, *cells = line.split(",")
         count = HEADER.count(",") + 1
-        reading = Reading.parse(",".join(cells[:count]), where)
+        reading = Reading.parse(",".join(cells[:count]))
         inputs = np.asarray(cells[count:], dtype=np.float64)
         return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 
@@ -213,9 +214,10 @@ class Run:
         if self._reads_zero(taken):
             self.zero = taken.reading.sensor
         self.off = np.zeros(6)
+        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
         if taken.kind == AT_POSE:
             self._compare_with_repeat(visit.pose_id, taken.reading)
-        found = self._at_range(taken.reading) + self._at_gauge(taken.inputs, visit.pose[6:])
+            found += self._standing()
         self.home_due -= 1
         if taken.kind == AT_HOME or (taken.kind == AT_POSE and self.offset(visit.row) is None):
             at_home = taken.kind == AT_HOME
@@ -270,6 +272,21 @@ class Run:
                     "ones than those before: a marker may have slipped; the rest pose is looked at"
                 )
         return found
+
+    def _standing(self) -> list[str]:
+        """Words, once, for an instrument that reads the same at the latest poses."""
+        latest = [self.taken[i] for i in self.at_poses[-_ROWS_COMPARED:]]
+        asked = np.stack([self.timeline.visits[one.number].pose for one in latest])
+        pose, sensor = (
+            np.stack([getattr(one.reading, name) for one in latest]) for name in ("pose", "sensor")
+        )
+        reach = np.ptp(self.poses, axis=0)
+        return [
+            f"the {part} is the same to the last digit at the last poses, which are far apart: "
+            f"look whether [{part}] still reads"
+            for part, read in (("pose", pose), ("wrench", sensor))
+            if len(standing(read, asked, reach)) > len(standing(read[:-1], asked[:-1], reach))
+        ]
 
     def _reads_zero(self, taken: Taken) -> bool:
         """Whether the sensor was free, with nothing on it."""

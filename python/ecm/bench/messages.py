@@ -111,7 +111,7 @@ class _Mover:
         mover, limits = self._devices["mover"], self._run.bench.limits
         self._refuse_to_go_on()
         until, seen = time.monotonic() + limits.move_s, None
-        self._rig.answer("mover", lambda: mover.start(pose), limits.move_s)
+        self._rig.answer("mover", lambda: mover.start(pose))
         while not self._rig.answer("mover", mover.settled):
             self._refuse_to_go_on()
             due = time.monotonic() + self._rig.look_s
@@ -478,4 +478,5 @@ class Messages:
 
     def told(self, words: str) -> None:
         self._run.warnings.append(words)
-        self._say(words)
+        with suppress(OSError):  # of a terminal that is gone
+            self._say(words)

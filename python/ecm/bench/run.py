@@ -30,7 +30,7 @@ from ecm.io.columns import POSE
 from ecm.io.events import told_beside
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.rig.plan import OFFSET, UNLOADED, requests, rest_pose, split_by_limits, tell_begun
+from ecm.rig.plan import OFFSET, requests, rest_pose, split_by_limits, tell_begun
 from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.readings import HEADER, Journal, clear_beside, journal_path, keep_data, raw_path
 from ecm.rig.timeline import Layout, timeline_of
@@ -76,11 +76,16 @@ def envelope(plan: Table, bench: Bench) -> tuple[Run, list[str]]:
                     f"{plan.source} row {visit.row + 1}: {breach} of [limits]. Take the row out, "
                     "or raise the limit where the mechanism and the mover bear it"
                 )
-    freed = [v for v in timeline.visits if v.kind in (OFFSET, UNLOADED)]
     zeros = procedure.offset_compensation != "none"
-    asks = any(v.kind == UNLOADED for v in freed) or zeros
-    if asks and "person" not in bench.devices:
+    by_person = next((r for r in visited if r.action.name not in ("measure", "home")), None)
+    if (zeros or by_person) and "person" not in bench.devices:
         remedy = Remedy('or add the table [person] with device = "manual"')
+        if by_person:
+            raise InputError(
+                f"{plan.source} row {by_person.row + 1}: `{by_person.action.name}` is done by "
+                f"hand, and {bench.where} has no [person]; take the row out",
+                remedy=remedy,
+            )
         raise InputError(
             f"{bench.where}: the sensor's zero is read with the sensor freed, and there is no "
             '[person] to free it; set [rig] offset_compensation = "none" where it is zeroed before',
@@ -264,7 +269,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         files.enter_context(told_beside(out))
         tell_begun(plan, columns=bench.columns, of=run.total)
         for line in journal.lines:
-            taken = Taken.parse(line, str(journal.path))
+            taken = Taken.parse(line)
             run.lay_out_to(taken)
             run.told(taken)
         first = 1 + max((taken.number for taken in run.taken), default=-1)
@@ -324,7 +329,9 @@ def _drive(
             messages.mover.stop()
             raise _told_error(error, run, messages.mover.words()) from error
     except KeyboardInterrupt:
-        messages.mover.stop()
+        stopping = Status(messages.mover.stop)
+        messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
+        stopping.exception(None)
         messages.told(messages.mover.words())
         with suppress(TimeoutError):
             work.exception(_ENDS_S)

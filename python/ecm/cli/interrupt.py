@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a command with exit code 130 and one line, at any moment of its life.
+"""Ctrl-C, SIGTERM and SIGHUP end a command with exit code 130 and one line, at any moment.
 
 While a command works, the signal raises KeyboardInterrupt, and the work cleans up. Elsewhere an
 exception would be lost or shown as a traceback: in the first moments, while modules are imported,
@@ -39,9 +39,9 @@ class _State:
 
 
 def install() -> None:
-    """Catch Ctrl-C and SIGTERM from now to the end of the process."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # A shell starts background jobs with SIGINT ignored, and expects it to stay so.
+    """Catch Ctrl-C, SIGTERM and SIGHUP from now to the end of the process."""
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        # A shell starts background jobs with SIGINT ignored, nohup with SIGHUP: it stays so.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _on_signal)
     sys.unraisablehook = _unraisable

@@ -340,8 +340,6 @@ class Session(Console):
             is_known = error.remedy is not None and error.remedy.command != IMPORT
             if isinstance(error, BadRows):
                 is_known = not error.most  # where most rows are bad, the file may be a log
-                if error.remedy.command == LEAVE_OUT:
-                    error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
             logs = (path for path in paths if not _is_table(path))
             if not is_known and (log := next(logs, None)):
                 error.remedy = way_in(log) or error.remedy
@@ -354,7 +352,7 @@ class Session(Console):
         files = {"DATA": "data.csv", "MODEL": "model.json"}
         files["AGAIN"] = shlex.join(["ecm", *command.typed])
         for name in ("data", "model", "out"):
-            given = options.get(name)
+            given = options.get(name) or (name == "data" and options.get("plan"))
             if given:
                 parts = given if isinstance(given, list | tuple) else [given]
                 files[name.upper()] = " ".join(shlex.quote(str(part)) for part in parts)
@@ -387,6 +385,8 @@ def run_command(
             session.report_said()
         except EcmError as error:
             if isinstance(error, Refusal) and error.remedy is not None:
+                if error.remedy.command == LEAVE_OUT and "skip_bad_rows" in common:
+                    error.remedy = Remedy(error.remedy.words, "AGAIN --leave-out")
                 error.remedy = error.remedy.filled(session.files_of(**options))
             # The refusal itself counts, not a disk that is full as well.
             with suppress(EcmError, OSError):

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.io.arrays import F, I, evenly
+from ecm.io.arrays import B, F, I, evenly
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import WrongConvention
 from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
-from ecm.io.se3 import ORDERS, read_in_other_order
+from ecm.io.se3 import ORDERS, read_in_other_order, rotation, transpose, turn_wrench
 from ecm.io.table import Table, read_table, unreadable_rows
 
 _SAMPLED_S = 0.5
@@ -279,6 +279,12 @@ _PLATEAU, _STUCK = 4, 20
 
 An end is reached in any case: there fewer rows suffice.
 """
+_SAME, _APART = 24, 0.2
+"""Fewest numbers, all but 0, that repeat those of the row before in a stuck reading of static rows,
+and least share of a column's range that others move on meanwhile.
+
+Five rows of six columns have so many: as noise of two digits they are equal once in 1e48 tables.
+"""
 _FEW, _FEW_SHARE = 15, 0.005
 """Most rows, and largest share of a run, that are said to set its range alone."""
 _WIDER = 1.6
@@ -316,7 +322,8 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     - few_rows: few rows that alone set the range of a pose column;
     - repeated_time: a time stamp of an earlier row.
 
-    Tables of static measurements have none.
+    In static measurements stuck alone is looked for: a wrench that is the same to the last digit,
+    in the base's axes or in the sensor's, at poses that are far apart.
 
     Examples
     --------
@@ -329,7 +336,7 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     ['clipped: fy_N stays at 25 (rows 12-24, 82-94, 152-164, 222-234, 292-304, 362-374)']
     """
     if not table.continuous:
-        return []
+        return _stuck_sensor(table.measured())
     numbers = table.numbers_in_file
     found: list[SuspectRows] = []
     names = (*table.pose_columns, *table.wrench_columns)
@@ -340,6 +347,61 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
         for reason, words, own in _of_run(channels, table.column("time_s")[rows]):
             found.append(SuspectRows(reason, words, tuple(numbers[rows[own]].tolist())))
     return found
+
+
+def standing(readings: F, others: F, reach: F) -> list[slice]:
+    """Return the rows in which readings stay the same to the last digit while others move on.
+
+    Zeros tell nothing, as of an axis without load, and neither do rows as coarse as the rest.
+
+    Parameters
+    ----------
+    readings
+        (N, k) of one instrument, N rows in their order.
+    others
+        (N, m) what moves on, as poses.
+    reach
+        (m,) their range.
+
+    Examples
+    --------
+    >>> force = np.array([[1.0], [2.0], *[[3.0]] * 25])
+    >>> standing(force, np.arange(27.0)[:, None], np.array([26.0]))
+    [slice(2, 27, None)]
+    """
+    digit = _STILL * np.abs(readings).max(initial=0.0)
+    begins, lengths = _equal((np.abs(np.diff(readings, axis=0)) > digit).any(axis=1))
+    found = []
+    for i, (begin, length) in enumerate(zip(begins.tolist(), lengths.tolist(), strict=True)):
+        if length * readings.shape[1] <= _SAME:
+            continue
+        part, usual = slice(begin, begin + length), np.delete(lengths, i)
+        same = (length - 1) * np.count_nonzero(np.abs(readings[begin]) > digit)
+        is_long = same >= _SAME and length >= _OUT * (np.median(usual) if len(usual) else 1.0)
+        if is_long and (np.ptp(others[part], axis=0) > _APART * reach).any():
+            found.append(part)
+    return found
+
+
+def _equal(changes: B) -> tuple[I, I]:
+    """First rows and lengths of what is equal, by the changes (N - 1,) from row to row."""
+    begins = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    return begins, np.diff(np.append(begins, len(changes) + 1))
+
+
+def _stuck_sensor(rows: Table) -> list[SuspectRows]:
+    """What `suspect_rows` finds in static measurements."""
+    if not (len(rows) and rows.pose_columns) or {*rows.wrench_columns} <= {*never_excited(rows)}:
+        return []
+    poses, seen = rows.matrix(rows.pose_columns), [rows.matrix(rows.wrench_columns)]
+    if rows.has(*POSE[3:], *WRENCH):
+        seen.append(turn_wrench(transpose(rotation(rows.matrix(POSE[3:]))), seen[0]))
+    words = "the whole wrench stays the same to the last digit while the pose moves on"
+    found = (standing(own, poses, np.ptp(poses, axis=0)) for own in seen)
+    return [
+        SuspectRows("stuck", words, tuple(rows.numbers_in_file[part].tolist()))
+        for part in next(filter(None, found), [])
+    ]
 
 
 def record_leave_out(path: Path, description: Path) -> dict[str, str]:
@@ -462,8 +524,7 @@ def _ranks(values: F) -> F:
 
 def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[str, str, I]]:
     """Plateaus at an end of the range, and long stays elsewhere while another channel moves."""
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1])
-    lengths = np.diff(np.append(begins, len(values)))
+    begins, lengths = _equal(np.diff(values) != 0.0)
     if len(begins) < 3:
         return  # constant: said as never excited
     level = values[begins]

@@ -58,7 +58,7 @@ def validated_columns(
         values = _numbers(name, raw.names[position], cells, errors)
         if scaling is not None:
             values = scaling.scale * values + scaling.offset
-        _check_whole(name, values, errors)
+        _check_range(name, values, errors)
         columns[name] = values
     rows = np.flatnonzero(_good(columns, errors))
     _check_rotations(columns, rows, errors, in_own_frames=meta.frames.moves_pose)
@@ -198,7 +198,9 @@ def _label(cell: Any) -> str:
     return str(cell).strip()
 
 
-def _check_whole(name: str, values: F, errors: RowErrors) -> None:
+def _check_range(name: str, values: F, errors: RowErrors) -> None:
+    for row in np.flatnonzero(values < 0.0) if name == "dwell_s" else ():
+        errors.add(int(row), name, f"{values[row]:g}", "at least 0 s")
     if name not in WHOLE:
         return
     finite = np.isfinite(values)

@@ -99,6 +99,10 @@ def _names_a_campaign(path: Path) -> bool:
     return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
 
 
+_OF_COLUMN: dict[str, Callable[[str], object]] = {"visit": int, "row": int, "kind": str}
+"""What the cells of columns are that hold no fractions."""
+
+
 class Journal:
     """Lines of readings in the order of visits, appended and synchronised one by one."""
 
@@ -107,7 +111,7 @@ class Journal:
         Raises
         ------
         InputError
-            Where the journal of another campaign is at `path`.
+            Where the journal of another campaign, or one with a damaged line, is at `path`.
         """
         self.path = path
         self._head = f"{_MARK}{key}\n{header}\n"
@@ -156,7 +160,18 @@ class Journal:
                 f"{self.path}: this is the journal of another campaign (other plan, rig, seed or "
                 "hidden effect). Remove it to start again, or choose another --out"
             )
-        return complete[len(self._head) :].splitlines()
+        names = self._head.splitlines()[1].split(",")
+        lines = complete[len(self._head) :].splitlines()
+        for number, line in enumerate(lines, 3):
+            try:
+                for name, cell in zip(names, line.split(","), strict=True):
+                    _OF_COLUMN.get(name, float)(cell)
+            except ValueError:
+                raise InputError(
+                    f"{self.path} line {number}: found `{line[:40]}`, expected {len(names)} "
+                    "numbers; remove it and all after it, and the same command goes on there"
+                ) from None
+        return lines
 
 
 def disk_error(path: Path, error: OSError) -> ComputationError:
@@ -244,17 +259,9 @@ class Reading:
         return ",".join(repr(float(n)) for n in numbers)
 
     @staticmethod
-    def parse(line: str, where: str) -> Reading:
+    def parse(line: str) -> Reading:
         """The inverse of `line`."""
-        try:
-            numbers = np.asarray([float(cell) for cell in line.split(",")])
-        except ValueError:
-            numbers = np.empty(0)
-        if len(numbers) != len(_NAMES):
-            raise InputError(
-                f"{where}: a damaged line `{line[:40]}`: expected {len(_NAMES)} numbers. "
-                "Remove the journal to start again"
-            )
+        numbers = np.asarray([float(cell) for cell in line.split(",")])
         pose, pose_sd, sensor, wrench_sd = np.split(numbers[:24], 4)
         return Reading(pose, pose_sd, sensor, wrench_sd, float(numbers[24]), float(numbers[25]))
 

@@ -173,7 +173,7 @@ def run_campaign(
             new = i == len(journal.lines)
             if new:
                 journal.append(campaign.measure(i).line())
-            readings.append(Reading.parse(journal.lines[i], str(path)))
+            readings.append(Reading.parse(journal.lines[i]))
             pose, sensor = readings[i].pose.tolist(), readings[i].sensor.tolist()
             tell(measured={"visit": i + 1, "kind": visit.kind, "pose": pose, "wrench": sensor})
             if new and progress is not None:
