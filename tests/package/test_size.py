@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (41_830, 200),
+    "python/ecm": (41_896, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (32_325, 230),
+    "tests": (32_409, 230),
     "crates": (34_350, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
-what strangers saw: a remedy is tried before it is said, and `refit` in Python refuses what the
-command refuses (58 in the package, 52 in the tests)."""
+what strangers saw: a remedy is tried before it is said, `refit` in Python refuses what the
+command refuses, an instrument that stands still is told, and a rig's damaged files and lost
+answers are (139 in the package, 181 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
