@@ -268,12 +268,12 @@ class StressRelaxation(LinearEffect):
             return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
         driven = rows.material_wrench
         if self.overstress == "linear":
-            driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
+            driven = _from_rest(rows) @ rows.mean_stiffness.T
         made = np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
         if not self.loses:
             return made
-        slopes = rows.stiffness.mean(axis=0)
-        return made * turns(self.loses, slopes, rows.base.inputs, rows.base.outputs)[:, None]
+        signs = turns(self.loses, rows.mean_stiffness, rows.base.inputs, rows.base.outputs)
+        return made * signs[:, None]
 
 
 def _needs_dwells(table: Table) -> Missing | None:
