@@ -70,8 +70,10 @@ def _loop_example(source: Source, loop: ControlLoop, c: bool) -> str:
     """The example of a loop that holds some pose; with a state it begins after a long rest."""
     model, sentences = source.model, loop.sentences()
     rest = model.rest_pose("a loop with a state")[0] if source.has_state else np.zeros(6)
-    # The push ends after 700 steps; the slowest error then falls by a factor of e^20.
-    settled = np.ceil(20.0 / (loop.decay_per_s * loop.gains.dt_s))
+    # The push ends after 700 steps; the slowest error then falls by a factor of e^20, and what the
+    # platform, which is softer than the model, relaxes otherwise than that by e^5.
+    tails = [5.0 * branch["tau_s"] for branch in source.timed.document.get("branches", ())]
+    settled = np.ceil(max(20.0 / loop.decay_per_s, *tails, 0.0) / loop.gains.dt_s)
 
     def listed(values: F) -> str:
         return ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in values)
