@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm.effects.ageing import Ageing
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import as_table, read_table
 from ecm.models import Model, fit_model
+from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
+from support.campaigns import campaign
 from support.exports import loaded_library
+from support.models import with_effects
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
@@ -147,3 +151,20 @@ def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path
         export(model, "c", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
     assert export(model, "c", tmp_path / "forced", force=True).left_out == ("mullins_softening",)
+
+
+def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> None:
+    table = one_angle("stress_relaxation")
+    model = with_effects(fit_model(table, "cubic"), (Ageing(), [1e-6]))
+    for stated, name in ((LoopSettings(mass_kg=2.0), "mass_kg"), (LoopSettings(dt_s=2e-3), "dt_s")):
+        with pytest.raises(InputError, match=rf"\({name}\): no file of this model for --to c"):
+            export_files(model, "c", loop=stated)
+    assert export_files(model, "c", loop=LoopSettings()).left_out == ()
+    notes = export_files(model, "rust").notes
+    assert any("along a single coordinate only polynomials in c step" in note for note in notes)
+    two = table.with_columns({"fx_N": table["tau_z_Nm"]})
+    model = with_effects(fit_model(two, "cubic"), (Ageing(), [1e-6]))
+    assert any("ecm predict has it" in note for note in export_files(model, "c").notes)
+    neck = fit_model(campaign(seed=3), "linear")
+    with pytest.raises(InputError, match=r"--delay \(delay_s\): no file of this model for"):
+        export_files(neck, "mujoco", loop=LoopSettings(2.0, 0.01, delay_s=0.01))

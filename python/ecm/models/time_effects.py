@@ -181,7 +181,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
         elif to == "none":
             found.left_out[item.id] = "these files have no state and no temperature"
         elif model.base.document().get("kind") not in kinds:
-            found.left_out[item.id] = "steps need an energy or physics model: fit one"
+            found.left_out[item.id] = _without_steps(model)
         else:
             why = _add(found, model, effect, item.values, line)
             if why:
@@ -195,6 +195,15 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     if found.acting:
         found.document["limits"] = _limits(model, line)
     return found
+
+
+def _without_steps(model: EvaluatedModel) -> str:
+    """Why the files of a model have no steps, and what has."""
+    if is_whole(model.base):
+        return "steps need an energy or physics model: fit one"
+    if len(model.inputs) == len(model.outputs) == 1:
+        return "along a single coordinate only polynomials in c step: ecm fit --model cubic, --to c"
+    return "only all six columns, or one of each in c, step; ecm predict has it for a whole table"
 
 
 def _size_of(model: EvaluatedModel, id: str) -> str:

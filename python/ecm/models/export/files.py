@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -156,12 +156,13 @@ def simulink(source: Source) -> Exported:
     return Exported(written, next_step=step)
 
 
+_LOOP = tuple(one.name for one in fields(LoopSettings))
 TARGETS: dict[str, Target] = {
-    "c": Target(c, precisions=("double", "single")),
-    "rust": Target(rust, language="rust", precisions=("double", "single")),
-    "mujoco": Target(mujoco, taken=("mj",)),
+    "c": Target(c, precisions=("double", "single"), robot=_LOOP),
+    "rust": Target(rust, language="rust", precisions=("double", "single"), robot=_LOOP),
+    "mujoco": Target(mujoco, taken=("mj",), robot=_LOOP[:2]),
     "fmu": Target(fmu, taken=("instance", "fmi2", "fmi3")),
-    "opensim": Target(opensim, language="none"),
+    "opensim": Target(opensim, language="none", robot=_LOOP[:2]),
     "simulink": Target(simulink, taken=("mex", "simstruc", "simulink")),
     "drake": Target(drake),
     "pinocchio": Target(pinocchio),
@@ -288,6 +289,7 @@ def export_files(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
             "wrench columns and no actuators; leave it out here"
         )
+    _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
     timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
@@ -299,6 +301,19 @@ def export_files(
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
         lost=lost,
     )
+
+
+def _refuse_unused(loop: LoopSettings | None, used: Sequence[str], to: str) -> None:
+    """Raise InputError for a setting of the robot that no file of this model depends on."""
+    own = LoopSettings()
+    unused = [n for n in _LOOP if n not in used and getattr(loop or own, n) != getattr(own, n)]
+    if unused:
+        options = [f"--{name.partition('_')[0]} ({name})" for name in unused]
+        raise InputError(
+            f"{', '.join(options)}: no file of this "
+            f"model for --to {to} depends on it; leave it out. Control loops are written to c and "
+            "rust, for models of all six pose and wrench columns without actuators"
+        )
 
 
 def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:
