@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from ecm.cli.app import load_command
+from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -87,6 +88,19 @@ def test_the_c_loop_holds_the_platform(
         assert ran.returncode == 1
         assert "not held: after" in ran.stdout
         assert reason in ran.stdout
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_the_loop_waits_for_what_relaxes_slowly(
+    fitted: dict[str, Model], precision: str, tmp_path: Path
+) -> None:
+    """The softer platform relaxes otherwise than the model, for longer than a push is felt."""
+    gcc = need_program("gcc", "cc")
+    slow = with_effects(fitted["energy4"], (StressRelaxation(8.0, "linear", frame="middle"), [1.0]))
+    folder = written(slow, tmp_path, "c", precision)
+    done(gcc, "-O2", folder / "neck.c", folder / "neck_control.c", "-o", tmp_path / "loop")
+    ran = done(tmp_path / "loop")
+    assert ran.returncode == 0, ran.stdout
 
 
 @pytest.mark.parametrize("core", list(BOARDS))

@@ -21,6 +21,7 @@ from ecm.models import Model, fit_model, load_model, surrogate_of
 from ecm.models.export import export_files
 from ecm.models.measured_poses import (
     Reach,
+    are_inside,
     coordinates,
     folded,
     measured_poses,
@@ -88,6 +89,17 @@ def test_a_file_holds_poses_of_its_rows_with_the_ends_of_each_coordinate(tmp_pat
         )
         for found, whole in ends:
             np.testing.assert_allclose(found, whole, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("rows", [40, 400])
+def test_home_was_measured_too_and_a_free_sensor_at_no_pose(rows: int) -> None:
+    """A body with tendons is pulled away from home wherever its poses are measured."""
+    y = np.concatenate([np.linspace(0.01, 0.02, rows), [0.0, 1e-5, -0.5]])
+    kind = np.array([*["pose"] * rows, "home", "home", "unloaded"])
+    force = np.where(kind == "unloaded", 0.0, 3000.0 * y)
+    model = fit_model(as_table({"y_m": y, "fy_N": force, "kind": kind}), "linear")
+    inside = are_inside(model, np.array([[0.0], [1e-5], [0.015], [-0.5], [0.03]]))
+    assert inside.tolist() == [True, True, True, False, False]
 
 
 @pytest.mark.parametrize("name", ["energy6", "physics"])

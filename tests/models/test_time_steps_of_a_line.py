@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm.effects.ageing import Ageing
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import as_table, read_table
 from ecm.models import Model, fit_model
+from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
+from support.campaigns import campaign
 from support.exports import loaded_library
+from support.models import with_effects
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
@@ -70,21 +74,18 @@ def test_a_rate_left_out_is_stepped_as_well_in_c(
 
 
 @pytest.mark.parametrize(
-    ("kind", "effects", "within_Nm"),
+    ("kind", "effects"),
     [
-        ("hysteresis", ("hysteresis",), 1e-9),
-        ("hysteresis:behind a play", ("hysteresis",), 1e-9),
-        ("hysteresis", ("stress_relaxation", "hysteresis"), 1e-3 * NOISE_NM),
+        ("hysteresis", ("hysteresis",)),
+        ("hysteresis:behind a play", ("hysteresis",)),
+        ("hysteresis", ("stress_relaxation", "hysteresis")),
     ],
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_loop_of_one_angle_is_stepped_in_c(
-    kind: str, effects: tuple[str, ...], within_Nm: float, sign: float, tmp_path: Path
+    kind: str, effects: tuple[str, ...], sign: float, tmp_path: Path
 ) -> None:
-    """Also where the torque falls with the angle, as the robot's torque on a motor does.
-
-    A branch begins after a rest at the first row in C; in Python a short way leads there from rest.
-    """
+    """Also where the torque falls with the angle, as the robot's torque on a motor does."""
     table = one_angle(kind)
     table = table.with_columns({"tau_z_Nm": sign * table["tau_z_Nm"]})
     static = fit_model(table, "cubic")
@@ -95,7 +96,9 @@ def test_a_loop_of_one_angle_is_stepped_in_c(
     other = table.select(np.zeros(len(time), dtype=np.int64)).with_columns(
         {"theta_z_rad": angle, "time_s": time}
     )
-    np.testing.assert_allclose(said, model.predict(other)[:, 0], rtol=0.0, atol=within_Nm)
+    np.testing.assert_allclose(said, model.predict(other)[:, 0], rtol=0.0, atol=1e-9)
+    first = model.predict(other.select(np.arange(200)))[:, 0]
+    np.testing.assert_allclose(said[:200], first, rtol=0.0, atol=1e-9)
     assert np.abs(said - static.predict(other)[:, 0]).max() > 0.02
 
 
@@ -148,3 +151,20 @@ def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path
         export(model, "c", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
     assert export(model, "c", tmp_path / "forced", force=True).left_out == ("mullins_softening",)
+
+
+def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> None:
+    table = one_angle("stress_relaxation")
+    model = with_effects(fit_model(table, "cubic"), (Ageing(), [1e-6]))
+    for stated, name in ((LoopSettings(mass_kg=2.0), "mass_kg"), (LoopSettings(dt_s=2e-3), "dt_s")):
+        with pytest.raises(InputError, match=rf"\({name}\): no file of this model for --to c"):
+            export_files(model, "c", loop=stated)
+    assert export_files(model, "c", loop=LoopSettings()).left_out == ()
+    notes = export_files(model, "rust").notes
+    assert any("along a single coordinate only polynomials in c step" in note for note in notes)
+    two = table.with_columns({"fx_N": table["tau_z_Nm"]})
+    model = with_effects(fit_model(two, "cubic"), (Ageing(), [1e-6]))
+    assert any("ecm predict has it" in note for note in export_files(model, "c").notes)
+    neck = fit_model(campaign(seed=3), "linear")
+    with pytest.raises(InputError, match=r"--delay \(delay_s\): no file of this model for"):
+        export_files(neck, "mujoco", loop=LoopSettings(2.0, 0.01, delay_s=0.01))

@@ -75,7 +75,7 @@ def prepare(
     distinct = distinct_rows(table.select(rows))
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
-    unexplained = without_effects(model.effects, Rows(table, model.base))
+    unexplained = without_effects(model.effects, model.rows_of(table))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
         rows = rows[chosen]

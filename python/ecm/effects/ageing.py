@@ -80,7 +80,9 @@ class OfTemperature(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """(T - T0) times that of one kelvin."""
         temperature = rows.table.column("temperature_degC")
-        zero = temperature.mean() if self.reference_degC is None else self.reference_degC
+        zero = self.reference_degC
+        if zero is None:
+            zero = float(rows.taken("mean_degC", temperature.mean))
         return np.asarray(((temperature - zero)[:, None] * self.of_one_kelvin(rows))[:, :, None])
 
     def of_one_kelvin(self, rows: Rows) -> F:
@@ -272,7 +274,8 @@ class MullinsSoftening(TimedEffect):
             largest = largest_so_far(rows.table, size, self.history)
         below, width = largest - size, self.load_width or self.width
         if self.load_width is None and not rows.unloaded.all():
-            width *= float(np.median(size[~rows.unloaded]))
+            middle = rows.taken(f"middle_{self.measure}", lambda: np.median(size[~rows.unloaded]))
+            width *= float(middle)
         if not (self.load_width or self.width):
             lost = below / np.where(largest > 0.0, largest, 1.0)
         elif self.load_width is not None or self.measure == "energy":
@@ -364,9 +367,11 @@ class PermanentSet(TimedEffect):
             excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
             deflection = deflection * excess[:, None]
             past = np.zeros_like(deflection)
-            for order in order_of_visits(rows.table, self.history):
+            orders = order_of_visits(rows.table, self.history)
+            longest = rows.taken("longest_run", lambda: max(map(len, orders)))
+            for order in orders:
                 own = deflection[order]
-                past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
+                past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(longest)
         else:
             energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
             largest = largest_so_far(rows.table, energy, self.history, index=True)

@@ -229,6 +229,8 @@ class Hysteresis(LinearEffect):
         friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
             path = np.stack([came[order], at[order]], axis=1).reshape(-1, 6) * metric
+            if rows.table.continuous:  # as at `init` unstretched where a log begins
+                path -= path[0]
             for share in (2.0 * np.arange(self.springs) + 1.0) / self.springs:
                 friction[order] += (path - play(path, share * slip))[1::2]
         friction *= (~rows.unloaded)[:, None] / (self.springs * slip)

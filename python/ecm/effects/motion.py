@@ -69,6 +69,7 @@ def needs_stream(table: Table) -> Missing | None:
 class ViscousDamping(LinearEffect):
     """D p' with one damping of translation and one of rotation, rotation in base axes.
 
+    Without v_ columns the velocity is that between the row before and the row after.
     With fewer than the twelve columns D sign(v) |v|^a along pairs of columns (`of`), a = 1 for a
     viscous damper and 0.3 for what hardly depends on the speed; D > 0 loses work.
 

@@ -26,7 +26,6 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
-from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits
 from ecm.regression.rows import Rows, is_whole
@@ -110,9 +109,10 @@ _TAUS = 12
 class StressRelaxation(LinearEffect):
     """h (1 + g exp(-d / tau)), d the time at rest; in a continuous test its hereditary form.
 
-    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness and p the pose
-    against rest (`linear`), or with d h_e in place of d(K_m p) (`elastic`). The dwell form is the
-    limit of both for a fast approach. A second branch has a time constant of its own. `visits` is
+    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness of the rows of the
+    fit (`linear`), or with d h_e in place of d(K_m p) (`elastic`), from the first sample of a run
+    on, at which all is relaxed, as at `init` of a controller. The dwell form is the limit of both
+    for a fast approach. A second branch has a time constant of its own. `visits` is
     the same integral over the path between readings, which includes the rest of earlier poses.
     In the continuous forms the factor is no share: it is what relaxes over the static load.
 
@@ -268,12 +268,12 @@ class StressRelaxation(LinearEffect):
             return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
         driven = rows.material_wrench
         if self.overstress == "linear":
-            driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
+            driven = (rows.poses * rows.of_pose) @ rows.mean_stiffness.T
         made = np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
         if not self.loses:
             return made
-        slopes = rows.stiffness.mean(axis=0)
-        return made * turns(self.loses, slopes, rows.base.inputs, rows.base.outputs)[:, None]
+        signs = turns(self.loses, rows.mean_stiffness, rows.base.inputs, rows.base.outputs)
+        return made * signs[:, None]
 
 
 def _needs_dwells(table: Table) -> Missing | None:
@@ -295,29 +295,17 @@ def _frame(table: Table) -> str:
 def hereditary(table: Table, driven: F, tau_s: float) -> F:
     """(N, m) int exp(-(t - s) / tau) d(driven) in each run, linear between samples.
 
-    The way from rest to the first sample of a run is taken to last as long as the second step.
+    A run begins relaxed at its first sample, as a controller does at `init`.
     """
     time = table.column("time_s")
     integral = np.zeros_like(driven)
     for order in order_of_visits(table):
-        if len(order) < 2:
-            continue
         steps = np.diff(time[order])
         shares = _remaining_shares(steps, tau_s)
         grown = np.diff(driven[order], axis=0) * shares[:, None]
         fades = np.exp(-steps / tau_s)
-        integral[order] = fading(fades, grown, driven[order[0]] * shares[0])
+        integral[order] = fading(fades, grown, np.zeros(driven.shape[1]))
     return integral
-
-
-def _from_rest(rows: Rows) -> F:
-    """(N, n) pose against the rest pose; where that is unknown, against the run's first sample."""
-    if rows.base.inputs == POSE and rows.has_length:
-        return np.asarray(rows.poses - rows.rest_pose)
-    deflection = np.zeros_like(rows.poses)
-    for order in order_of_visits(rows.table):
-        deflection[order] = rows.poses[order] - rows.poses[order[0]]
-    return deflection * rows.of_pose
 
 
 def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:

@@ -542,7 +542,7 @@ class FtsHysteresis(LinearEffect):
         """Lag of each axis, turned to base axes."""
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(rows.known_before))
-        width = self.width * own[~rows.unloaded].std(axis=0)
+        width = self.width * rows.taken("load_spread", lambda: own[~rows.unloaded].std(axis=0), 6)
         time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
         # The sensor's history continues through all runs and through the readings of its zero.
         order = np.argsort(np.concatenate([time, zeros]), kind="stable")

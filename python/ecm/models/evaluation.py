@@ -139,7 +139,7 @@ class EvaluatedModel:
     def readings(self, table: Table, *, skip_untestable: bool = False) -> F:
         """(N, m) expected readings of a table's rows, N and N m: `predict` behind its door."""
         whole, places = self._whole
-        rows = Rows(table, whole.base)
+        rows = whole.rows_of(table)
         lacking = whole.left_out(table)
         for id, why in lacking.items():
             if not skip_untestable:
@@ -407,7 +407,17 @@ class EvaluatedModel:
         length = self.known_length_m
         known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
-        return Rows(Table(columns_of(self.base, poses), meta, "poses"), self.base)
+        return self.rows_of(Table(columns_of(self.base, poses), meta, "poses"))
+
+    def rows_of(self, table: Table) -> Rows:
+        """Rows of a table, for which effects take what they took of the rows of the fit."""
+        return Rows(table, self.base, self.of_fit)
+
+    @property
+    def of_fit(self) -> dict[str, Any]:
+        """What effects took of all rows of the fit; older files hold the mean stiffness alone."""
+        old = {name: self.training[name] for name in ("mean_stiffness",) if name in self.training}
+        return {**old, **self.training.get("of_fit", {})}
 
 
 def on_what_is_measured(model: ModelT, table: Table) -> ModelT:

@@ -458,6 +458,14 @@ def _with_priors(
     return design, response
 
 
+def of_fit(fit: JointFit) -> dict[str, Any]:
+    """What the effects took of all rows of a fit: `Rows.of_fit` of predictions of other rows."""
+    rows = Rows(fit.rows.table, fit.base)
+    for item in fit.effects:
+        correction_of(item.effect, rows, item.values)
+    return rows.of_fit
+
+
 def _acting(fit: JointFit) -> dict[str, F]:
     """(n, m) correction of each effect at the pose rows of a fit, by its id."""
     scored = fit.rows.table.of_poses

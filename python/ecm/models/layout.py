@@ -247,6 +247,7 @@ def _training(n: int, m: int, taken: int) -> Layout:
             "poses": _either(array(None, n), array(None, taken)),
             "smallest_taken": flag,
             "mean_stiffness": array(m, n),
+            "of_fit": named(_either(number(), _either(array(None), array(None, None)))),
             "pose_error": sentence,
             "rows_used": sentence,
             "prior": sentence,

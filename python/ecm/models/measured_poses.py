@@ -49,6 +49,8 @@ _THINNEST = 0.03
 def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     """Poses of a table for its model's file: spread over its rows, and the ends of each coordinate.
 
+    Home checks, also with the mechanism, count where they lie outside what the others span.
+
     Examples
     --------
     >>> from ecm import as_table
@@ -57,16 +59,18 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     >>> len(poses), min(poses), max(poses)
     (201, [0.0], [0.4999])
     """
-    poses = table.measured().matrix(tuple(inputs))
-    poses = poses[np.isfinite(poses).all(axis=1)]
-    if len(poses) <= _MOST_STORED:
-        return _rounded(poses)
+    poses = table.matrix(tuple(inputs))
+    counts = np.isfinite(poses).all(axis=1) & (table.text("kind") != "unloaded")
+    poses, of_poses = poses[counts], table.of_poses[counts]
+    chosen = np.flatnonzero(of_poses)
     seen = [poses, coordinates(poses, 0.0)] if tuple(inputs[:6]) == POSE else [poses]
-    ends = [x.argmin(axis=0) for x in seen] + [x.argmax(axis=0) for x in seen]
-    alone = Table(dict(zip(inputs, poses.T, strict=True)), Meta(), "poses")
-    chosen = np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))
+    if len(chosen) > _MOST_STORED:
+        own = [x[chosen] for x in seen]
+        ends = [x.argmin(axis=0) for x in own] + [x.argmax(axis=0) for x in own]
+        alone = Table(dict(zip(inputs, own[0].T, strict=True)), Meta(), "poses")
+        chosen = chosen[np.union1d(spread_rows(alone, _MOST_STORED), np.concatenate(ends))]
     for x in seen:  # and all rows are inside what they span
-        for _ in range(10):
+        for _ in range(10 if 1 < len(chosen) < len(x) else 0):
             outside = np.flatnonzero(~Reach.of(x[chosen], inputs).contains(x))
             if not len(outside):
                 break

@@ -32,11 +32,12 @@ from ecm.models.joint_fit import (
     effect_sizes,
     joint_fit,
     noise_for,
+    of_fit,
 )
 from ecm.models.measured_poses import are_inside, folded, sample_of
 from ecm.models.parameters import FittedParameter, ParametrisedMap
 from ecm.models.registry import map_from_document, was_trained_on
-from ecm.models.time_effects import needed_by_steps, time_effects
+from ecm.models.time_effects import time_effects
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
@@ -472,7 +473,7 @@ class Model(Shown, EvaluatedModel):
             training["smallest_taken"] = True
         if prior is not None:
             training["prior"] = {"sentence": prior.sentence}
-        training |= needed_by_steps(joint)
+        training["of_fit"] = of_fit(joint)
         training["effect_sizes"] = effect_sizes(joint, used)
         training["effect_shares"] = effect_shares(joint)
         if not used.is_residual:

@@ -30,7 +30,6 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
-from ecm.models.joint_fit import JointFit
 from ecm.models.measured_poses import (
     largest_coordinates,
     measured_poses,
@@ -182,7 +181,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
         elif to == "none":
             found.left_out[item.id] = "these files have no state and no temperature"
         elif model.base.document().get("kind") not in kinds:
-            found.left_out[item.id] = "steps need an energy or physics model: fit one"
+            found.left_out[item.id] = _without_steps(model)
         else:
             why = _add(found, model, effect, item.values, line)
             if why:
@@ -196,6 +195,15 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     if found.acting:
         found.document["limits"] = _limits(model, line)
     return found
+
+
+def _without_steps(model: EvaluatedModel) -> str:
+    """Why the files of a model have no steps, and what has."""
+    if is_whole(model.base):
+        return "steps need an energy or physics model: fit one"
+    if len(model.inputs) == len(model.outputs) == 1:
+        return "along a single coordinate only polynomials in c step: ecm fit --model cubic, --to c"
+    return "only all six columns, or one of each in c, step; ecm predict has it for a whole table"
 
 
 def _size_of(model: EvaluatedModel, id: str) -> str:
@@ -228,17 +236,6 @@ def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F, line
     return "it has no exact step"
 
 
-def needed_by_steps(fit: JointFit) -> dict[str, Any]:
-    """What steps need of a fit beside its values, for the training data of the model file.
-
-    A relaxing branch follows the stiffness of the rows, or has its sign.
-    """
-    branches = [item.effect for item in fit.effects if isinstance(item.effect, StressRelaxation)]
-    if not any(effect.overstress for effect in branches):
-        return {}
-    return {"mean_stiffness": fit.rows.stiffness.mean(axis=0).tolist()}
-
-
 def _along(model: EvaluatedModel) -> F:
     """(6,) stiffness at rest along the mid-frame coordinates."""
     return rest_stiffness(model.rows_at(model.rest_pose("an effect of time"))).along
@@ -249,7 +246,7 @@ def _relaxation(
 ) -> str:
     linear = effect.overstress == "linear"
     if not is_whole(model.base):  # along a single coordinate
-        slope = np.reshape(model.training.get("mean_stiffness", np.nan), (1, 1))
+        slope = np.reshape(model.of_fit.get("mean_stiffness", np.nan), (1, 1))
         if linear and np.isnan(slope).any():
             return "its stiffness is not in the model file; ecm refit writes it"
         if linear:

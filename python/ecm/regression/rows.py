@@ -416,14 +416,39 @@ class Rows:
 
     table: Table
     base: BaseMap
+    of_fit: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """What effects take of all rows of a fit, by name; filled by `taken` where it is not known."""
 
     def __len__(self) -> int:
         return len(self.table)
 
+    def taken(self, name: str, own: Callable[[], Any], *shape: int) -> F:
+        """What an effect takes of all rows (shape): of those of the fit, where these are others.
+
+        Else the prediction of a row would depend on rows after it. Where the fit does not tell, as
+        in older model files, it is that of these rows.
+        """
+        if name not in self.of_fit or np.shape(self.of_fit[name]) != shape:
+            self.of_fit[name] = np.asarray(own()).tolist()
+        return np.asarray(self.of_fit[name])
+
+    @property
+    def mean_stiffness(self) -> F:
+        """(m, n) mean of the stiffness over the rows of the fit."""
+        shape = len(self.base.outputs), len(self.base.inputs)
+        return self.taken("mean_stiffness", lambda: self.stiffness.mean(axis=0), *shape)
+
+    @property
+    def median_pose(self) -> F:
+        """(n,) median of what the base takes, over the rows of the fit."""
+        n = len(self.base.inputs)
+        return self.taken("median_pose", lambda: np.median(self.poses, axis=0), n)
+
     @cached_property
     def whole(self) -> Rows:
         """All rows of the table that a subsample was chosen from; else these rows."""
-        return self if self.table.sampled_from is None else Rows(self.table.sampled_from, self.base)
+        whole = self.table.sampled_from
+        return self if whole is None else replace(self, table=whole)
 
     def of_whole(self, values: F) -> F:
         """(N, ...) the values of these rows, from those of all rows of `whole`."""
@@ -437,11 +462,11 @@ class Rows:
         `guesses_torques` (`ecm.effects`). Other inputs of the map are those of each row.
         """
         if self.base.inputs[:6] == POSE != self.base.inputs and self.base.outputs == WRENCH:
-            return Rows(self.table, _AtInputs(self.base, np.median(self.poses[:, 6:], axis=0)))
+            return replace(self, base=_AtInputs(self.base, self.median_pose[6:]))
         forces = set(WRENCH[:3]) <= set(self.base.outputs)
         if not forces or self.base.inputs != POSE or is_whole(self.base):
             return self
-        return Rows(self.table, getattr(self.base, "whole", None) or _OfSix(self.base))
+        return replace(self, base=getattr(self.base, "whole", None) or _OfSix(self.base))
 
     @cached_property
     def of_other_torques(self) -> Rows:
@@ -622,7 +647,7 @@ class Rows:
     @cached_property
     def middle_pose(self) -> F:
         """(n,) the rest pose; of inputs that are no pose, and without a length, the median."""
-        median = np.median(self.poses, axis=0)
+        median = self.median_pose
         if not self.has_length:
             return median
         rest = dict(zip(POSE, self.rest_pose, strict=True))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -70,8 +70,10 @@ def _loop_example(source: Source, loop: ControlLoop, c: bool) -> str:
     """The example of a loop that holds some pose; with a state it begins after a long rest."""
     model, sentences = source.model, loop.sentences()
     rest = model.rest_pose("a loop with a state")[0] if source.has_state else np.zeros(6)
-    # The push ends after 700 steps; the slowest error then falls by a factor of e^20.
-    settled = np.ceil(20.0 / (loop.decay_per_s * loop.gains.dt_s))
+    # The push ends after 700 steps; the slowest error then falls by a factor of e^20, and what the
+    # platform, which is softer than the model, relaxes otherwise than that by e^5.
+    tails = [5.0 * branch["tau_s"] for branch in source.timed.document.get("branches", ())]
+    settled = np.ceil(max(20.0 / loop.decay_per_s, *tails, 0.0) / loop.gains.dt_s)
 
     def listed(values: F) -> str:
         return ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in values)
@@ -154,12 +156,13 @@ def simulink(source: Source) -> Exported:
     return Exported(written, next_step=step)
 
 
+_LOOP = tuple(one.name for one in fields(LoopSettings))
 TARGETS: dict[str, Target] = {
-    "c": Target(c, precisions=("double", "single")),
-    "rust": Target(rust, language="rust", precisions=("double", "single")),
-    "mujoco": Target(mujoco, taken=("mj",)),
+    "c": Target(c, precisions=("double", "single"), robot=_LOOP),
+    "rust": Target(rust, language="rust", precisions=("double", "single"), robot=_LOOP),
+    "mujoco": Target(mujoco, taken=("mj",), robot=_LOOP[:2]),
     "fmu": Target(fmu, taken=("instance", "fmi2", "fmi3")),
-    "opensim": Target(opensim, language="none"),
+    "opensim": Target(opensim, language="none", robot=_LOOP[:2]),
     "simulink": Target(simulink, taken=("mex", "simstruc", "simulink")),
     "drake": Target(drake),
     "pinocchio": Target(pinocchio),
@@ -286,6 +289,7 @@ def export_files(
             "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
             "wrench columns and no actuators; leave it out here"
         )
+    _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
     timed = time_effects(model, chosen.language)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
@@ -297,6 +301,19 @@ def export_files(
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
         lost=lost,
     )
+
+
+def _refuse_unused(loop: LoopSettings | None, used: Sequence[str], to: str) -> None:
+    """Raise InputError for a setting of the robot that no file of this model depends on."""
+    own = LoopSettings()
+    unused = [n for n in _LOOP if n not in used and getattr(loop or own, n) != getattr(own, n)]
+    if unused:
+        options = [f"--{name.partition('_')[0]} ({name})" for name in unused]
+        raise InputError(
+            f"{', '.join(options)}: no file of this "
+            f"model for --to {to} depends on it; leave it out. Control loops are written to c and "
+            "rust, for models of all six pose and wrench columns without actuators"
+        )
 
 
 def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -> None:

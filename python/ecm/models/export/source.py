@@ -242,3 +242,5 @@ class Target:
     """Floating-point types that the files can have."""
     taken: tuple[str, ...] = ()
     """Names of files and functions that the target has itself."""
+    robot: tuple[str, ...] = ()
+    """Settings of the robot (`LoopSettings`) that its files depend on."""
