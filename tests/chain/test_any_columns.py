@@ -132,6 +132,8 @@ def foreign_log(law: str, seed: int) -> Table:
         force += 8000.0 * speed * np.abs(speed)
     elif law == "a round stop":
         force += 1.2e4 * np.maximum(x - 0.013, 0.0) ** 1.5
+    elif law == "a zero that settles":
+        force += 0.8 * (1.0 - np.exp(-time / 25.0))
     sd = 0.05
     if law == "noise that grows":
         sd = 0.03 + 0.01 * np.abs(force)
@@ -143,7 +145,14 @@ def foreign_log(law: str, seed: int) -> Table:
 
 
 @pytest.mark.parametrize(
-    "law", ["power law relaxation", "an orifice", "a round stop", "noise that grows"]
+    "law",
+    [
+        "power law relaxation",
+        "an orifice",
+        "a round stop",
+        "noise that grows",
+        "a zero that settles",
+    ],
 )
 @pytest.mark.parametrize("start", ["cubic", "poly:5"])
 def test_what_add_it_says_is_done_until_nothing_is_left_to_add(law: str, start: str) -> None:

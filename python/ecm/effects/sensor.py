@@ -190,10 +190,11 @@ class FtsDrift(CourseEffect):
     """Whether the sensor was zeroed once or at the start of `each` campaign."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Steady, and settling within the campaign; of single columns steady."""
-        if self.outputs is not None:
-            return (FtsDrift(outputs=",".join(table.wrench_columns)),)
+        """Steady, and settling within the campaign."""
         taus = settling_times(table)
+        if self.outputs is not None:
+            outputs = ",".join(table.wrench_columns)
+            return tuple(FtsDrift(tau, outputs=outputs) for tau in taus)
         return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -268,8 +269,9 @@ class FtsThermalDrift(CourseEffect):
 
 @dataclass(eq=False)
 class GrowingLoad(CourseEffect):
-    """b t on each wrench column of rows with the mechanism: the sensor itself stays.
+    """b g(t) on each wrench column of rows with the mechanism: the sensor itself stays.
 
+    g(t) = t, or tau (1 - exp(-t / tau)) for a load that settles.
     Six columns tell it from a drift by the axes, which turn with the sensor. Fewer need readings
     with the sensor unloaded, which drift and do not feel the load.
 
@@ -282,18 +284,26 @@ class GrowingLoad(CourseEffect):
         "anything that grows with time while the sensor stays: swelling, a leak, a yielding mount",
         "readings with the sensor unloaded, at the start and at the end",
     )
-    signature = "linear in time, zero without the mechanism"
+    signature = "monotone in t, zero without the mechanism"
     needs = "time (time_s)"
     requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
 
+    tau_s: float = optional(np.inf)
+    """Time in which the load settles; infinite for a steady growth."""
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """On each wrench column."""
-        return (GrowingLoad(outputs=",".join(table.wrench_columns)),)
+        """On each wrench column, steady and settling."""
+        outputs = ",".join(table.wrench_columns)
+        return tuple(GrowingLoad(tau_s=tau, outputs=outputs) for tau in settling_times(table))
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Times between this one and its neighbours; none of a steady growth."""
+        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def course(self, rows: Rows) -> F:
-        """t, zero where the sensor is unloaded."""
-        return rows.loaded(rows.time_s())
+        """g(t), zero where the sensor is unloaded."""
+        return rows.loaded(settled(rows.time_s(), self.tau_s))
 
 
 _KNEES = (0.3, 0.6, 0.85)
