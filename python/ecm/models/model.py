@@ -473,7 +473,8 @@ class Model(Shown, EvaluatedModel):
             training["smallest_taken"] = True
         if prior is not None:
             training["prior"] = {"sentence": prior.sentence}
-        training["of_fit"] = of_fit(joint)
+        if taken := of_fit(joint):
+            training["of_fit"] = taken
         training["effect_sizes"] = effect_sizes(joint, used)
         training["effect_shares"] = effect_shares(joint)
         if not used.is_residual:
