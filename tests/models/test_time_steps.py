@@ -226,6 +226,16 @@ def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path
     friction = np.array(state)[18:24]
     assert np.abs(friction).max() > 0.0
     assert np.abs(np.array(state)[24:36]).max() < 1e-9 * np.abs(np.array(h)).max()
+    # A state that was damaged on its way is refused, as Rust and Python refuse to take it.
+    damaged, told = (ctypes.c_double * 49)(*state), (ctypes.c_double * 6)(*poses[0])
+    for place in range(49):
+        damaged[place] = (np.nan, np.inf)[place % 2]
+        before = bytes(damaged)
+        assert code.neck_step(damaged, told, ctypes.c_double(1e-3), None, h, k) == 0
+        assert code.neck_predict_ahead(damaged, told, 1, ctypes.c_double(1e-3), None, h, k) == 0
+        assert np.isnan(np.array([*h, *k])).all()
+        assert bytes(damaged) == before
+        damaged[place] = state[place]
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,19 @@ static void moved_since(const state_t *state, const real *q, real *moved)
     }
 }
 
+/* Whether what is remembered is numbers: a state that was loaded may be damaged. */
+static int32_t is_known(const state_t *state)
+{
+    real sum = state->largest;
+    for (int32_t i = 0; i < @N@; i++) {
+        sum += state->farthest[i] + state->coordinates[i] + state->force[i] + state->stretch[i];
+        for (int32_t b = 0; b < 2; b++) {
+            sum += state->memory[b][i] + state->carry[b][i];
+        }
+    }
+    return is_finite(sum);
+}
+
 /* NaN in all results. */
 static int32_t refuse(real *h, real *k)
 {
@@ -176,7 +189,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     size = size_at(inputs);
     p = ungrown(p, inputs, own);
-    if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
+    if (!(dt >= R(0) && is_finite(dt + size) && is_known(state) && find_here(p, &here))) {
         return refuse(h, k);
     }
     grows = here.work > state->largest;
