@@ -11,7 +11,6 @@ import pytest
 import ecm
 from ecm.errors import InputError
 from ecm.io.description import Meta
-from ecm.io.sanity import doubts
 
 NOISE = 0.02
 
@@ -126,25 +125,3 @@ def test_a_comparison_prints_about_ten_lines_and_draws_itself() -> None:
     assert isinstance(
         ecm.diagnose(ecm.fit(columns, "linear"), columns, effects=[]).plot(), figures.Figure
     )
-
-
-@pytest.mark.parametrize("unit", ["ns", "ms", "s"])
-@pytest.mark.parametrize("date", [False, True])
-@pytest.mark.parametrize("index", [False, True])
-def test_times_and_dates_are_read_in_s(unit: str, date: bool, index: bool) -> None:
-    """Also as the index of a frame, which was left out without a word."""
-    time: Any = np.array([0, 2000, 5000], dtype="timedelta64[ms]").astype(f"timedelta64[{unit}]")
-    time = np.datetime64("2026-01-02") + time if date else time
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.DataFrame({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [0.0, 1.0, 2.0]})
-    frame = frame.set_index(time) if index else frame.assign(time_s=time)
-    assert ecm.as_table(frame)["time_s"].tolist() == [0.0, 2.0, 5.0]
-
-
-def test_a_clock_is_told_and_rows_in_no_order_of_time_are_to_be_sorted() -> None:
-    x = np.linspace(-1e-3, 1e-3, 40)
-    table = ecm.as_table({"x_m": x, "fx_N": x, "time_s": 1.7e9 + 10.0 * np.arange(40)})
-    assert any("as a computer's clock does" in words for words in doubts(table, None))
-    mixed = np.random.default_rng(0).permutation(40)
-    with pytest.raises(InputError, match="sort them by time_s"):
-        ecm.as_table({"x_m": x, "fx_N": x, "time_s": 10.0 * mixed})

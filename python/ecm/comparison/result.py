@@ -237,7 +237,7 @@ class Comparison(Shown):
         follows = "follows the pose, the order or another column"
         if self.noise.is_assumed:
             part = f" A part of it {follows}." if self.missing else ""
-            spread = float(self.compared.table.column(worst.name)[self.row].std())
+            spread = float(self.compared.table.column(worst.name)[self.compared.chosen].std())
             share = 100.0 * worst.rmse / max(spread, 1e-300)
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "

@@ -63,7 +63,7 @@ def check_names(names: Sequence[str], source: str) -> None:
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
-    named = {name: in_seconds(own) for name, own in named_columns(data, source).items()}
+    named = named_columns(data, source)
     for place, name in enumerate(named, 1):
         if not name or not _can_be_written(name):
             raise InputError(f"{source}: column {place} is called {name!r}; give it a name in text")
@@ -101,12 +101,6 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
     elif hasattr(data, "columns") and hasattr(data, "__getitem__"):  # pandas, polars
         names = list(data.columns)
         values = [np.asarray(data[name]) for name in names]
-        index = np.asarray(getattr(data, "index", []))
-        called = getattr(getattr(data, "index", None), "name", None)
-        name = str(called or "time_s")
-        if name not in names and (index.dtype.kind in "mM" or (called and is_standard(name))):
-            names.append(name)
-            values.append(index)
     elif isinstance(data, np.ndarray) and data.dtype.names:
         names, values = list(data.dtype.names), [data[name] for name in data.dtype.names]
     else:
@@ -120,20 +114,6 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
     return dict(zip(names, values, strict=True))
-
-
-def in_seconds(values: NDArray[Any]) -> NDArray[Any]:
-    """Return times and dates in s, dates from the first one; other values as they are.
-
-    Examples
-    --------
-    >>> in_seconds(np.array([0, 1500], dtype="timedelta64[ms]"))
-    array([0. , 1.5])
-    """
-    if values.dtype.kind not in "mM":
-        return values
-    begin = np.fmin.reduce(values) if values.dtype.kind == "M" else np.timedelta64(0, "ns")
-    return np.asarray((values - begin) / np.timedelta64(1, "ns") * 1e-9)
 
 
 def repeated_names(names: Sequence[str]) -> list[str]:

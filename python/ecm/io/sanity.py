@@ -99,18 +99,11 @@ def unstated_length(table: Table) -> str:
     return f"{said}; these poses are {middle:.3g} m from the base along x"
 
 
-_YEARS_S = 1e8
-"""Three years in s: no campaign begins so late."""
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
 
 
 def time_unit(table: Table) -> str:
-    """Return what looks wrong with time_s: a clock's, or readings that follow faster than rests."""
-    if table.has("time_s") and table.column("time_s").min(initial=np.inf) > _YEARS_S:
-        return (
-            f"time_s begins at {table.column('time_s').min():.3g} s, as a computer's clock does: "
-            "count it from the start of the campaign, with which drift and ageing begin"
-        )
+    """Return the unit that time_s seems to have where readings follow faster than they rest."""
     if not table.has("time_s", "dwell_s"):
         return ""
     time, dwell = table.column("time_s"), table.column("dwell_s")

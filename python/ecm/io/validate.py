@@ -220,11 +220,6 @@ def _good(columns: Columns, errors: RowErrors) -> B:
     return good
 
 
-_FEW_BACK, _MOST_BACK = 3, 0.25
-"""Steps back in time, and their share, up to which they are single bad rows: of rows in random
-order it is a half."""
-
-
 def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
     """Note times that do not grow; runs that each begin anew are taken one after the other."""
     if "time_s" not in columns:
@@ -242,12 +237,6 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
                 f"{errors.source}: time_s begins again in {shifted} run(s); each is taken as "
                 "following the one before at once (a drift sees no pause), after a rest"
             ]
-    back = np.diff(time) < 0.0
-    if back.sum() > max(_FEW_BACK, _MOST_BACK * len(time)):
-        raise InputError(
-            f"{errors.source}: time_s goes back in {back.sum()} of {len(back)} steps, so that the "
-            "rows are in no order of time; sort them by time_s"
-        )
     before = np.maximum.accumulate(time)[:-1] if len(time) else time
     for i in np.flatnonzero(time[1:] < before):
         found = f"{time[i + 1]:g} after {before[i]:g}"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.csv import in_seconds, named_columns
+from ecm.io.csv import named_columns
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
@@ -88,7 +88,8 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
         elif own.dtype.kind in "OUS" and own.ndim == 1:
             _add_cells(name, own, columns, text, units)
         elif own.dtype.kind in "Mm":
-            columns[name], units[name] = in_seconds(own), "s"
+            begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
+            columns[name], units[name] = (own - begin) / np.timedelta64(1, "ns") * 1e-9, "s"
         elif own.dtype.kind in "fiub":
             values = own.astype(np.float64).reshape(rows, -1).T
             for index, part in zip(np.ndindex(own.shape[1:]), values, strict=True):

@@ -66,23 +66,13 @@ def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str])
         if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * (known.shape[1] + 1):
             continue
         left = _left_of_rounding(values, known)
-        # What follows from the pose alone, or is the wrench in another unit, may repeat as they do.
+        # What follows from the pose alone may repeat as the pose does.
         if left is not None and (
             not _is_setting(values, left, known)
             or _left_of_rounding(values, known[:, of_pose]) is not None
-            or any(_is_the_same(values, wrench) for wrench in known[:, ~of_pose].T)
         ):
             derived.append(name)
     return tuple(derived)
-
-
-def _is_the_same(values: F, wrench: F) -> bool:
-    """Whether each value stands beside one value of the wrench, as a hung mass beside its weight.
-
-    A measured wrench has noise, and more values than the setting.
-    """
-    pairs = np.unique(np.column_stack([values, wrench]), axis=0)
-    return len(pairs) == len(np.unique(values)) == len(np.unique(wrench))
 
 
 def _left_of_rounding(values: F, known: F) -> F | None:
