@@ -208,11 +208,12 @@ def test_a_reversed_sign_is_no_effect(name: str, names: tuple[str, ...], words: 
     assert said.sentence() in found.warnings
 
 
-def test_minutes_for_seconds() -> None:
+@pytest.mark.parametrize(("scale", "unit"), [(1.0 / 60.0, "minutes"), (1e3, "milliseconds")])
+def test_minutes_for_seconds(scale: float, unit: str) -> None:
     table = campaign("", 1.0, 4)
-    assert not any("minutes" in words for words in check(table).warnings)
-    wrong = table.with_columns({"time_s": table.column("time_s") / 60.0})
-    assert any("time_s looks stated in minutes" in words for words in check(wrong).warnings)
+    assert not any("time_s looks" in words for words in check(table).warnings)
+    wrong = table.with_columns({"time_s": scale * table.column("time_s")})
+    assert any(f"time_s looks stated in {unit}" in words for words in check(wrong).warnings)
 
 
 def test_a_right_table_with_a_strong_effect_is_not_called_misread() -> None:

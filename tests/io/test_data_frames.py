@@ -54,6 +54,31 @@ def test_every_verb_takes_a_data_frame_a_dict_and_a_file(tmp_path: Path) -> None
         assert result[:3] == ("declared", "none", 24)
 
 
+def test_spans_of_time_are_read_in_seconds_also_as_an_index() -> None:
+    pandas = pytest.importorskip("pandas")
+    span = pandas.to_timedelta(np.arange(24) * 1500, unit="ms")
+    frame = pandas.DataFrame(spring())
+    for data in (frame.assign(time_s=span), frame.set_index(span)):
+        assert ecm.as_table(data)["time_s"].tolist() == (1.5 * np.arange(24)).tolist()
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "s"), (1e3, "ms"), (1e9, "ns")])
+def test_time_of_a_clock_is_refused_with_what_makes_it_time_since_the_start(
+    scale: float, unit: str
+) -> None:
+    data = spring() | {"time_s": scale * (1.7e9 + np.arange(24.0))}
+    match = rf"counts in {unit} from 1970.*scale = {1.0 / scale:g}, offset = -1700000000 }}"
+    with pytest.raises(InputError, match=match):
+        ecm.as_table(data)
+
+
+def test_dates_are_refused_as_the_clock_that_they_are() -> None:
+    pandas = pytest.importorskip("pandas")
+    dates = pandas.date_range("2026-01-05", periods=24, freq="s", tz="Europe/Berlin")
+    with pytest.raises(InputError, match="counts in s from 1970"):
+        ecm.as_table(pandas.DataFrame(spring(), index=dates))
+
+
 def test_a_table_is_made_of_a_frame_and_becomes_one_again() -> None:
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(spring() | {"approach": "initial"}, index=range(7, 31))

@@ -100,6 +100,8 @@ def unstated_length(table: Table) -> str:
 
 
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
+_MS = 500.0
+"""Readings that follow each other so many times slower than they rest are stated in ms."""
 
 
 def time_unit(table: Table) -> str:
@@ -114,11 +116,12 @@ def time_unit(table: Table) -> str:
         return ""
     share = float(np.median(steps[known] / rests[known]))
     meant = next((unit for unit, factor in _TIME_UNITS.items() if factor * share >= 0.9), "")
-    if share >= 0.9 or not meant:
+    meant = "milliseconds" if share >= _MS else meant if share < 0.9 else ""
+    if not meant:
         return ""
     return (
-        f"time_s looks stated in {meant}, not s: readings follow each other faster than "
-        "the mechanism rests before them (dwell_s)"
+        f"time_s looks stated in {meant}, not s: readings are {share:.2g} times as far apart "
+        "as the mechanism rests before them (dwell_s)"
     )
 
 

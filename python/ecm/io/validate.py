@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, shown
+from ecm.errors import InputError, Remedy, shown
 from ecm.io.arrays import LARGEST, B, F, I
 from ecm.io.columns import (
     JOINT_SIGNS,
@@ -28,7 +28,7 @@ from ecm.io.columns import (
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta, Scene
 from ecm.io.se3 import to_base
-from ecm.io.settings import did_you_mean
+from ecm.io.settings import IMPORT, did_you_mean
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
@@ -224,6 +224,16 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
         return []
     rows = np.flatnonzero(_good(columns, errors))
     time = columns["time_s"][rows]
+    if (power := clock_power(time)) is not None:
+        begin, scale = float(time.min()), 10.0 ** (-3 * power)
+        raise InputError(
+            f"{errors.source}: column 'time_s' begins at {begin:.10g}: that counts in "
+            f"{CLOCKS[power]} from 1970, not in s since the start of the campaign. Count "
+            "from that start, with the same offset in all its tables and in those to predict: "
+            f"[columns] time_s = {{ column = ..., scale = {scale:g}, "
+            f"offset = {-begin * scale:.10g} }} in the data's TOML",
+            remedy=Remedy("import it, which begins time at 0", IMPORT),
+        )
     warnings = []
     if "run" in columns:
         time, shifted = _following(time, columns["run"][rows])
@@ -240,6 +250,25 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
         found = f"{time[i + 1]:g} after {before[i]:g}"
         errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
     return warnings
+
+
+CLOCKS = ("s", "ms", "us", "ns")
+"""Units in which clocks count from 1970."""
+_EPOCH_S = 1e8
+"""Larger times count from there: no campaign takes three years."""
+
+
+def clock_power(time: F) -> int | None:
+    """Place in `CLOCKS` of the unit of a time that counts from 1970; None of another.
+
+    Examples
+    --------
+    >>> clock_power(np.array([1.7e12])), clock_power(np.array([3.0]))
+    (1, None)
+    """
+    if not len(time) or time.min() <= _EPOCH_S:
+        return None
+    return min(3, max(0, round((math.log10(np.median(time)) - 9.2) / 3)))
 
 
 def _following(time: F, run: F) -> tuple[F, int]:
