@@ -100,15 +100,26 @@ def unstated_length(table: Table) -> str:
 
 
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
+_LATE = 20.0
+"""A campaign begins at 0: later than so many times its range time_s counts from elsewhere."""
 _MS = 500.0
 """Readings that follow each other so many times slower than they rest are stated in ms."""
 
 
 def time_unit(table: Table) -> str:
-    """Return the unit that time_s seems to have where readings follow faster than they rest."""
-    if not table.has("time_s", "dwell_s"):
+    """Return what looks wrong with time_s: its start, or its unit beside the rests (dwell_s)."""
+    if not table.has("time_s"):
         return ""
-    time, dwell = table.column("time_s"), table.column("dwell_s")
+    time = table.column("time_s")
+    if (begin := float(time.min())) > _LATE * float(np.ptp(time)) > 0.0:
+        return (
+            f"time_s begins only at {begin:.4g} s, far beyond its range of {np.ptp(time):.4g} s: "
+            "effects of time count from 0, the start of the campaign. State offset = "
+            f"{-begin:.10g} for it in [columns], unless that is right"
+        )
+    if not table.has("dwell_s"):
+        return ""
+    dwell = table.column("dwell_s")
     order = np.argsort(time, kind="stable")
     steps, rests = np.diff(time[order]), dwell[order][1:]
     known = np.isfinite(rests) & (rests > 0.0) & (steps > 0.0)
