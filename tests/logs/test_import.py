@@ -356,6 +356,11 @@ def test_time_that_begins_again_makes_runs_and_epochs_begin_at_zero() -> None:
     stamps = 1.7e18 + 1e7 * np.arange(15)
     begun = import_log({"stamp": stamps, "x_m": time * 1e-3}).table["time_s"]
     assert np.allclose(begun, 0.01 * np.arange(15), rtol=0.0, atol=1e-6)
+    mixed = np.random.default_rng(0).permutation(15)
+    turned = import_log({"time": 2.0 * mixed, "x_m": mixed * 1e-3})
+    assert turned.table["x_m"].tolist() == (np.arange(15) * 1e-3).tolist()
+    assert "run" not in turned.table
+    assert "the rows were put in the order of time" in str(turned)
 
 
 def test_the_command_writes_table_description_json_and_page(

@@ -234,6 +234,12 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
             f"offset = {-begin * scale:.10g} }} in the data's TOML",
             remedy=Remedy("import it, which begins time at 0", IMPORT),
         )
+    if is_unsorted(time):
+        raise InputError(
+            f"{errors.source}: column 'time_s' goes back at {int((np.diff(time) < 0.0).sum())} of "
+            f"{len(time)} rows, and no time is there twice: put the rows in the order of time_s",
+            remedy=Remedy("import it, which does that", IMPORT),
+        )
     warnings = []
     if "run" in columns:
         time, shifted = _following(time, columns["run"][rows])
@@ -269,6 +275,26 @@ def clock_power(time: F) -> int | None:
     if not len(time) or time.min() <= _EPOCH_S:
         return None
     return min(3, max(0, round((math.log10(np.median(time)) - 9.2) / 3)))
+
+
+_UNSORTED = 0.1
+"""Share of the rows at which time goes back, and of its range beyond which it goes back to."""
+
+
+def is_unsorted(time: F) -> bool:
+    """Whether these are times of one clock in another order: each is there once, many go back.
+
+    Runs that each begin anew go back to the start alone.
+
+    Examples
+    --------
+    >>> is_unsorted(np.array([3.0, 1.0, 2.0, 0.0])), is_unsorted(np.array([0.0, 1.0, 0.1, 1.2]))
+    (True, False)
+    """
+    back = time[1:][np.diff(time) < 0.0]
+    far = back > time.min() + _UNSORTED * np.ptp(time) if len(back) else back
+    many = np.count_nonzero(far) > _UNSORTED * len(time)
+    return bool(many) and len(np.unique(time)) == len(time)
 
 
 def _following(time: F, run: F) -> tuple[F, int]:
