@@ -574,8 +574,8 @@ def _shifted_time(time: F, last: float | None, source: str, warnings: list[str])
     if last is None or time[0] > last:
         return time
     warnings.append(
-        f"{source}: time_s begins before the end of the table before it; it is taken as following "
-        "at once (effects of time see no pause)"
+        f"{source}: time_s begins before the end of the table before it; it is taken as a run that "
+        "follows at once, in the order given (effects of time see no pause, and rest on that order)"
     )
     shifted: F = time - time[0] + last + _step_s(time)
     return shifted
