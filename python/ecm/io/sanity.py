@@ -88,15 +88,23 @@ def unstated_length(table: Table) -> str:
     --------
     >>> from ecm import as_table
     >>> poses = {"x_m": [0.1, 0.1], **dict.fromkeys(POSE[1:], [0.0, 0.0])}
-    >>> unstated_length(as_table(poses))[-45:]
-    '; these poses are 0.1 m from the base along x'
+    >>> unstated_length(as_table(poses))[-52:]
+    '; these poses are 0.1 m from the base along the body'
+    >>> unstated_length(as_table(poses | {"theta_y_rad": [3.0, 3.1]}))[-39:]
+    ' Then state base_from_robot in [frames]'
     """
     said = "no [mechanism] length_m in the data's TOML"
-    along = mid_frame(np.ascontiguousarray(table.measured().poses), 0.0)[:, 0]
+    poses = np.ascontiguousarray(table.measured().poses)
+    along, turn = mid_frame(poses, 0.0)[:, 0], np.median(np.linalg.norm(poses[:, 3:], axis=1))
     least, middle, most = np.quantile(along, (0.1, 0.5, 0.9))
+    if turn > _FAR:
+        return (
+            f"{said}; half of these poses are turned by more than {np.degrees(turn):.0f} degrees: "
+            "are they in the robot's frame? Then state base_from_robot in [frames]"
+        )
     if not 0.0 < most < 2.0 * least:
         return said  # x is not the axis of the mechanism
-    return f"{said}; these poses are {middle:.3g} m from the base along x"
+    return f"{said}; these poses are {middle:.3g} m from the base along the body"
 
 
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
