@@ -84,6 +84,12 @@ def test_noise_that_is_not_known_has_no_floor() -> None:
     text = str(said(table))
     assert "noise floor" not in text
     assert "RMSE, % of the spread" in text
+    # Of a large table, too, it is the spread of all rows that both the sentence and the table give.
+    found = ecm.compare(ecm.fit(table, "linear"), table, most_rows=12)
+    assert found.rows_used is not None
+    share = 100.0 * found.components[0].rmse / table["fx_N"].std()
+    assert f" {share:.3g} % of its spread" in found.sentence()
+    assert found.shares_of_spread[0] == pytest.approx(share)
 
 
 def test_noise_that_is_only_assumed_is_no_floor() -> None:

@@ -313,6 +313,8 @@ def test_a_setting_that_acts_strongly_is_still_a_cause(size: float) -> None:
     table = ecm.Table(columns | {"slider": slider, "reading": np.round(torque, 2)})
     pair = (("theta_z_rad",), ("tau_z_Nm",))
     assert derived_columns(table, *pair) == ("reading",)
+    hung = {"hung_kg": np.round(slider, 1), "tau_z_Nm": np.round(0.981 * np.round(slider, 1), 4)}
+    assert derived_columns(table.with_columns(hung), *pair) == ("hung_kg",)
     found = ecm.diagnose(ecm.fit(table.drop("reading"), "linear"), table)
     assert found.answer == (("unused_column:slider",),), found.sentence()
 

@@ -208,11 +208,19 @@ def test_a_reversed_sign_is_no_effect(name: str, names: tuple[str, ...], words: 
     assert said.sentence() in found.warnings
 
 
-def test_minutes_for_seconds() -> None:
+@pytest.mark.parametrize(
+    ("scale", "begin", "words"),
+    [
+        (1.0 / 60.0, 0.0, "time_s looks stated in minutes"),
+        (1e3, 0.0, "time_s looks stated in milliseconds"),
+        (1.0, 1e7, "time_s begins only at 1e+07 s"),
+    ],
+)
+def test_another_unit_or_start_of_time(scale: float, begin: float, words: str) -> None:
     table = campaign("", 1.0, 4)
-    assert not any("minutes" in words for words in check(table).warnings)
-    wrong = table.with_columns({"time_s": table.column("time_s") / 60.0})
-    assert any("time_s looks stated in minutes" in words for words in check(wrong).warnings)
+    assert not any("time_s" in said for said in check(table).warnings)
+    wrong = table.with_columns({"time_s": begin + scale * table.column("time_s")})
+    assert any(words in said for said in check(wrong).warnings)
 
 
 def test_a_right_table_with_a_strong_effect_is_not_called_misread() -> None:

@@ -11,6 +11,7 @@ import pytest
 import ecm
 from ecm.errors import InputError
 from ecm.io.description import Meta
+from ecm.io.sanity import doubts
 
 NOISE = 0.02
 
@@ -52,6 +53,29 @@ def test_every_verb_takes_a_data_frame_a_dict_and_a_file(tmp_path: Path) -> None
         expected = expected or result
         assert result == expected
         assert result[:3] == ("declared", "none", 24)
+
+
+def test_spans_of_time_are_read_in_seconds_also_as_an_index() -> None:
+    pandas = pytest.importorskip("pandas")
+    span = pandas.to_timedelta(np.arange(24) * 1500, unit="ms")
+    frame = pandas.DataFrame(spring())
+    for data in (frame.assign(time_s=span), frame.set_index(span)):
+        assert ecm.as_table(data)["time_s"].tolist() == (1.5 * np.arange(24)).tolist()
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3, 1e9])
+def test_time_of_a_clock_is_told_with_what_makes_it_time_since_the_start(scale: float) -> None:
+    table = ecm.as_table(spring() | {"time_s": scale * (1.7e9 + np.arange(24.0))})
+    (said,) = doubts(table, None)
+    assert "time_s begins only at 1.7e+" in said
+    assert f"State offset = {-1.7e9 * scale:.10g} for it" in said
+
+
+def test_dates_are_the_clock_that_they_are() -> None:
+    pandas = pytest.importorskip("pandas")
+    dates = pandas.date_range("2026-01-05", periods=24, freq="s", tz="Europe/Berlin")
+    table = ecm.as_table(pandas.DataFrame(spring(), index=dates))
+    assert "time_s begins only at" in doubts(table, None)[0]
 
 
 def test_a_table_is_made_of_a_frame_and_becomes_one_again() -> None:

@@ -228,6 +228,8 @@ def test_time_must_grow(tmp_path: Path) -> None:
     message = refusal(written(tmp_path, time_s=time_s))
     assert "line 14, column 'time_s': found 3.5 after 11" in message
     assert "1 bad place:" in message
+    message = refusal(written(tmp_path, time_s=np.random.default_rng(0).permutation(20)))
+    assert "of 20 rows, and no time is there twice: put the rows in the order of time_s" in message
 
 
 def test_whole_numbers_and_kinds_are_checked() -> None:

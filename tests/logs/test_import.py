@@ -356,6 +356,30 @@ def test_time_that_begins_again_makes_runs_and_epochs_begin_at_zero() -> None:
     stamps = 1.7e18 + 1e7 * np.arange(15)
     begun = import_log({"stamp": stamps, "x_m": time * 1e-3}).table["time_s"]
     assert np.allclose(begun, 0.01 * np.arange(15), rtol=0.0, atol=1e-6)
+    mixed = np.random.default_rng(0).permutation(15)
+    turned = import_log({"time": 2.0 * mixed, "x_m": mixed * 1e-3})
+    assert turned.table["x_m"].tolist() == (np.arange(15) * 1e-3).tolist()
+    assert "run" not in turned.table
+    assert "the rows were put in the order of time" in str(turned)
+
+
+def test_what_alone_grows_in_seconds_is_the_time_whatever_its_name() -> None:
+    x = np.arange(15.0) * 1e-3
+    for values, is_time in ((2.0 * np.arange(15), True), (np.arange(15) % 4, False)):
+        imported = import_log({"Duration (s)": values, "x_m": x, "fx_N": x})
+        assert ("time_s" in imported.table) == is_time
+    both = import_log({"Duration (s)": 2.0 * np.arange(15), "t": np.arange(15), "x_m": x})
+    assert both.table["time_s"].tolist() == list(range(15))
+
+
+def test_structs_that_hold_the_same_columns_are_logs_of_their_own() -> None:
+    log = {f"{one}.{name}": np.arange(15.0) * 1e-3
+           for one in ("a.low", "a.high", "b.low") for name in ("t", "x_m", "fx_N")}  # fmt: skip
+    chosen = {name: f"a.low.{column}" for name, column in
+              (("time_s", "t"), ("x_m", "x_m"), ("fx_N", "fx_N"))}  # fmt: skip
+    imported = import_log(log | {"room.warm": np.ones(15)}, columns=chosen)
+    assert set(imported.table.columns) == {"time_s", "x_m", "fx_N", "room_warm"}
+    assert "a.high, b.low hold the same columns as a.low" in str(imported)
 
 
 def test_the_command_writes_table_description_json_and_page(

@@ -149,6 +149,9 @@ def test_a_right_addition_of_few_columns_is_not_refused() -> None:
     after = refit(before, drifting, add=["fts_drift"])
     refuse_addition(after, drifting, before)
     assert after.history[-1].held_out < after.history[0].held_out
+    for later_s, said in ((5.0, ()), (600.0, ("60 of 60 rows have a time_s outside",))):
+        later = drifting.with_columns({"time_s": drifting.column("time_s") + later_s})
+        assert tuple(words[:35] for words in ecm.predict(after, later).warnings) == said
 
 
 def test_a_brake_without_a_spring_gets_numbers_and_a_way_out_that_its_columns_have() -> None:

@@ -237,8 +237,7 @@ class Comparison(Shown):
         follows = "follows the pose, the order or another column"
         if self.noise.is_assumed:
             part = f" A part of it {follows}." if self.missing else ""
-            spread = float(self.compared.table.column(worst.name)[self.compared.chosen].std())
-            share = 100.0 * worst.rmse / max(spread, 1e-300)
+            share = self.shares_of_spread[self.components.index(worst)]
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "
                 "spread; without repeats or [instrument] figures nothing says how much of it is "
@@ -263,6 +262,14 @@ class Comparison(Shown):
                 "likely too large."
             )
         return f"{errs}: {worst.excess:.3g} {unit} in {name} is not noise."
+
+    @property
+    def shares_of_spread(self) -> F:
+        """(m,) RMSE of each component, % of the standard deviation of all its readings."""
+        made = self.compared
+        spread = made.table.matrix(made.model.outputs)[self.row].std(axis=0)
+        rmse = np.array([one.rmse for one in self.components])
+        return np.asarray(100.0 * rmse / np.where(spread > 0.0, spread, np.inf))
 
     @property
     def missing(self) -> bool:
@@ -433,8 +440,7 @@ def _errors(result: Comparison) -> tuple[TableBlock, list[FigureBlock]]:
     names = [one.name for one in items]
     header, rmse = ["component", "RMSE", "bias"], np.array([one.rmse for one in items])
     if result.noise.is_assumed:
-        spread = measured[:, at].std(axis=0)
-        share = 100.0 * rmse / np.where(spread > 0.0, spread, np.inf)
+        share = result.shares_of_spread[at]
         header.append("RMSE, % of the spread")
         more: list[list[Cell]] = [[value] for value in share.tolist()]
         bars: dict[str, Sequence[float]] = {"RMSE": share.tolist()}

@@ -8,6 +8,7 @@ import numpy as np
 
 from ecm.effects.pairs import needs_order
 from ecm.effects.protocol import (
+    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -170,7 +171,7 @@ class Ageing(TimedEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
-    needs = "time (time_s)"
+    needs = GROWS_WITH_TIME
     rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
 
     tau_s: float = optional(np.inf)

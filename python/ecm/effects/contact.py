@@ -8,6 +8,7 @@ import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
 from ecm.effects.protocol import (
+    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -112,7 +113,7 @@ class MarkerMotion(TimedEffect):
         "watch the base target alone for an hour",
     )
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
-    needs = "time (time_s)"
+    needs = GROWS_WITH_TIME
     side = "measurement"
     rivals = {
         "fts_drift": "base_marker",

@@ -167,6 +167,8 @@ def needs_full(table: Table) -> Missing | None:
 
 
 needs_time = needs_columns("time_s")
+GROWS_WITH_TIME = "time (time_s)"
+"""What an effect needs that goes on with time, also beyond the measured one."""
 """Time: without it the order of rows is not the order in which they were read."""
 
 

@@ -18,6 +18,7 @@ from ecm.effects.contact import twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
+    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -178,7 +179,7 @@ class FtsDrift(CourseEffect):
         "the unloaded zero every ten poses",
     )
     signature = "body axes, monotone in t, the same at home, not conservative"
-    needs = "time (time_s)"
+    needs = GROWS_WITH_TIME
     requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
@@ -285,7 +286,7 @@ class GrowingLoad(CourseEffect):
         "readings with the sensor unloaded, at the start and at the end",
     )
     signature = "monotone in t, zero without the mechanism"
-    needs = "time (time_s)"
+    needs = GROWS_WITH_TIME
     requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
 

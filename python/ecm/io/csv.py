@@ -63,7 +63,7 @@ def check_names(names: Sequence[str], source: str) -> None:
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
-    named = named_columns(data, source)
+    named = {name: _in_seconds(name, own) for name, own in named_columns(data, source).items()}
     for place, name in enumerate(named, 1):
         if not name or not _can_be_written(name):
             raise InputError(f"{source}: column {place} is called {name!r}; give it a name in text")
@@ -79,7 +79,7 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
 
 
 def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of a data frame or the like by name, whatever their shape.
+    """Return the columns of a data frame or the like by name; an index of times is time_s.
 
     Examples
     --------
@@ -101,6 +101,10 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
     elif hasattr(data, "columns") and hasattr(data, "__getitem__"):  # pandas, polars
         names = list(data.columns)
         values = [np.asarray(data[name]) for name in names]
+        index = getattr(data, "index", None)
+        kind = getattr(getattr(index, "dtype", None), "kind", "none")
+        if kind in "mM" and "time_s" not in names:
+            names, values = ["time_s", *names], [np.asarray(index, f"{kind}8[ns]"), *values]
     elif isinstance(data, np.ndarray) and data.dtype.names:
         names, values = list(data.dtype.names), [data[name] for name in data.dtype.names]
     else:
@@ -114,6 +118,13 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
     return dict(zip(names, values, strict=True))
+
+
+def _in_seconds(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Spans of time as numbers, s; of dates those of time_s, since 1970."""
+    if values.dtype.kind == "M" and name == "time_s":
+        values = values - np.datetime64(0, "s")
+    return values / np.timedelta64(1, "s") if values.dtype.kind == "m" else values
 
 
 def repeated_names(names: Sequence[str]) -> list[str]:

@@ -88,25 +88,46 @@ def unstated_length(table: Table) -> str:
     --------
     >>> from ecm import as_table
     >>> poses = {"x_m": [0.1, 0.1], **dict.fromkeys(POSE[1:], [0.0, 0.0])}
-    >>> unstated_length(as_table(poses))[-45:]
-    '; these poses are 0.1 m from the base along x'
+    >>> unstated_length(as_table(poses))[-52:]
+    '; these poses are 0.1 m from the base along the body'
+    >>> unstated_length(as_table(poses | {"theta_y_rad": [3.0, 3.1]}))[-39:]
+    ' Then state base_from_robot in [frames]'
     """
     said = "no [mechanism] length_m in the data's TOML"
-    along = mid_frame(np.ascontiguousarray(table.measured().poses), 0.0)[:, 0]
+    poses = np.ascontiguousarray(table.measured().poses)
+    along, turn = mid_frame(poses, 0.0)[:, 0], np.median(np.linalg.norm(poses[:, 3:], axis=1))
     least, middle, most = np.quantile(along, (0.1, 0.5, 0.9))
+    if turn > _FAR:
+        return (
+            f"{said}; half of these poses are turned by more than {np.degrees(turn):.0f} degrees: "
+            "are they in the robot's frame? Then state base_from_robot in [frames]"
+        )
     if not 0.0 < most < 2.0 * least:
         return said  # x is not the axis of the mechanism
-    return f"{said}; these poses are {middle:.3g} m from the base along x"
+    return f"{said}; these poses are {middle:.3g} m from the base along the body"
 
 
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
+_LATE = 20.0
+"""A campaign begins at 0: later than so many times its range time_s counts from elsewhere."""
+_MS = 500.0
+"""Readings that follow each other so many times slower than they rest are stated in ms."""
 
 
 def time_unit(table: Table) -> str:
-    """Return the unit that time_s seems to have where readings follow faster than they rest."""
-    if not table.has("time_s", "dwell_s"):
+    """Return what looks wrong with time_s: its start, or its unit beside the rests (dwell_s)."""
+    if not table.has("time_s"):
         return ""
-    time, dwell = table.column("time_s"), table.column("dwell_s")
+    time = table.column("time_s")
+    if (begin := float(time.min())) > _LATE * float(np.ptp(time)) > 0.0:
+        return (
+            f"time_s begins only at {begin:.4g} s, far beyond its range of {np.ptp(time):.4g} s: "
+            "effects of time count from 0, the start of the campaign. State offset = "
+            f"{-begin:.10g} for it in [columns], unless that is right"
+        )
+    if not table.has("dwell_s"):
+        return ""
+    dwell = table.column("dwell_s")
     order = np.argsort(time, kind="stable")
     steps, rests = np.diff(time[order]), dwell[order][1:]
     known = np.isfinite(rests) & (rests > 0.0) & (steps > 0.0)
@@ -114,11 +135,12 @@ def time_unit(table: Table) -> str:
         return ""
     share = float(np.median(steps[known] / rests[known]))
     meant = next((unit for unit, factor in _TIME_UNITS.items() if factor * share >= 0.9), "")
-    if share >= 0.9 or not meant:
+    meant = "milliseconds" if share >= _MS else meant if share < 0.9 else ""
+    if not meant:
         return ""
     return (
-        f"time_s looks stated in {meant}, not s: readings follow each other faster than "
-        "the mechanism rests before them (dwell_s)"
+        f"time_s looks stated in {meant}, not s: readings are {share:.2g} times as far apart "
+        "as the mechanism rests before them (dwell_s)"
     )
 
 

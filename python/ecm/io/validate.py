@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, shown
+from ecm.errors import InputError, Remedy, shown
 from ecm.io.arrays import LARGEST, B, F, I
 from ecm.io.columns import (
     JOINT_SIGNS,
@@ -28,7 +28,7 @@ from ecm.io.columns import (
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta, Scene
 from ecm.io.se3 import to_base
-from ecm.io.settings import did_you_mean
+from ecm.io.settings import IMPORT, did_you_mean
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
@@ -226,6 +226,12 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
         return []
     rows = np.flatnonzero(_good(columns, errors))
     time = columns["time_s"][rows]
+    if is_unsorted(time):
+        raise InputError(
+            f"{errors.source}: column 'time_s' goes back at {int((np.diff(time) < 0.0).sum())} of "
+            f"{len(time)} rows, and no time is there twice: put the rows in the order of time_s",
+            remedy=Remedy("import it, which does that", IMPORT),
+        )
     warnings = []
     if "run" in columns:
         time, shifted = _following(time, columns["run"][rows])
@@ -242,6 +248,45 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
         found = f"{time[i + 1]:g} after {before[i]:g}"
         errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
     return warnings
+
+
+CLOCKS = ("s", "ms", "us", "ns")
+"""Units in which clocks count from 1970."""
+_EPOCH_S = 1e8
+"""Larger times count from there: no campaign takes three years."""
+
+
+def clock_power(time: F) -> int | None:
+    """Place in `CLOCKS` of the unit of a time that counts from 1970; None of another.
+
+    Examples
+    --------
+    >>> clock_power(np.array([1.7e12])), clock_power(np.array([3.0]))
+    (1, None)
+    """
+    if not len(time) or time.min() <= _EPOCH_S:
+        return None
+    return min(3, max(0, round((math.log10(np.median(time)) - 9.2) / 3)))
+
+
+_UNSORTED = 0.1
+"""Share of the rows at which time goes back, and of its range beyond which it goes back to."""
+
+
+def is_unsorted(time: F) -> bool:
+    """Whether these are times of one clock in another order: each is there once, many go back.
+
+    Runs that each begin anew go back to the start alone.
+
+    Examples
+    --------
+    >>> is_unsorted(np.array([3.0, 1.0, 2.0, 0.0])), is_unsorted(np.array([0.0, 1.0, 0.1, 1.2]))
+    (True, False)
+    """
+    back = time[1:][np.diff(time) < 0.0]
+    far = back > time.min() + _UNSORTED * np.ptp(time) if len(back) else back
+    many = np.count_nonzero(far) > _UNSORTED * len(time)
+    return bool(many) and len(np.unique(time)) == len(time)
 
 
 def _following(time: F, run: F) -> tuple[F, int]:
@@ -521,8 +566,8 @@ def _shifted_time(time: F, last: float | None, source: str, warnings: list[str])
     if last is None or time[0] > last:
         return time
     warnings.append(
-        f"{source}: time_s begins before the end of the table before it; it is taken as following "
-        "at once (effects of time see no pause)"
+        f"{source}: time_s begins before the end of the table before it; it is taken as a run that "
+        "follows at once, in the order given (effects of time see no pause, and rest on that order)"
     )
     shifted: F = time - time[0] + last + _step_s(time)
     return shifted

@@ -48,6 +48,7 @@ from ecm.logs.sources import (
     drop_columns_with_gaps,
     holds_numbers,
     known_column,
+    sort_by_time,
     standard_columns,
     unwrap_angle,
 )
@@ -225,6 +226,8 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         vectors = np.column_stack([table[name] for name in POSE[3:]])
         doubt = order_warning(vectors, mapped.rotation.word)
         notes += [doubt] if doubt else []
+    usable, sorted_notes = sort_by_time(table, usable)
+    notes += sorted_notes
     unwrap_angle(table, notes)
     time_notes = begin_time_at_zero(table)
     notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})

@@ -207,7 +207,15 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
             found[standard] = Source(name, stated_unit(name, standard, own, choices))
             used.add(name)
     ask_units(found, log, source)
-    left = [name for name in named if name not in used]
+    twin, others = _twins(log, found)
+    if others:
+        listed = ", ".join(others)
+        notes.append(
+            f"{listed} hold the same columns as {twin}: logs of their own, left aside. Import each "
+            "by itself"
+        )
+    within = tuple(f"{one}." for one in others)
+    left = [name for name in named if name not in used and not name.startswith(within)]
     own_names = unique_names(map(_own_name, left), taken=found)
     known = {*found, *used, *(POSE[3:] if rotation is not None else ())}
     return ColumnMap(
@@ -217,6 +225,17 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
         tuple(notes),
         missing(log, named, known),
     )
+
+
+def _twins(log: Log, found: Mapping[str, Source]) -> tuple[str, list[str]]:
+    """The struct that holds the time, and those that hold the same columns, time and all."""
+    stem, _, time = found["time_s"].column.rpartition(".") if "time_s" in found else ("", "", "")
+    stems = [name.removesuffix(f".{time}") for name in log.columns if stem]
+    inside = {
+        one: {name.removeprefix(f"{one}.") for name in log.columns if name.startswith(f"{one}.")}
+        for one in stems
+    }
+    return stem, [one for one, own in inside.items() if one != stem and own == inside[stem]]
 
 
 def _likely(
@@ -255,6 +274,13 @@ def _read_names(log: Log) -> dict[str, Named]:
             and own.unit.dimension == "temperature" and len(own.unit.word) > 1]  # fmt: skip
     if len(warm) == 1 and not named[warm[0]].guesses:
         named[warm[0]] = Named((Guess("temperature"),), named[warm[0]].unit)
+    # And what alone grows in s is the time, where nothing is called so.
+    timed = [name for name, own in named.items()
+             if any(guess.standard() == "time_s" for guess in own.guesses)
+             or (own.unit is not None and own.unit.dimension == "time"
+                 and (np.diff(log.columns[name]) > 0.0).all())]  # fmt: skip
+    if len(timed) == 1 and not named[timed[0]].guesses:
+        named[timed[0]] = Named((Guess("time"),), named[timed[0]].unit)
     return named
 
 

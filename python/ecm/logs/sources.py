@@ -34,6 +34,7 @@ from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
+from ecm.io.validate import CLOCKS, clock_power, is_unsorted
 from ecm.logs.log import Log
 from ecm.logs.names import (
     Answer,
@@ -412,10 +413,6 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     )
 
 
-_EPOCH_S = 1e8
-"""Larger times count from an epoch; the table's begin at 0."""
-
-
 def standard_columns(
     log: Log, mapped: ColumnMap, source: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
@@ -490,18 +487,27 @@ def unwrap_angle(table: dict[str, NDArray[Any]], notes: list[str]) -> None:
         table[angles[0]] = unwrapped - turns
 
 
+def sort_by_time(table: dict[str, NDArray[Any]], usable: B) -> tuple[B, list[str]]:
+    """Sort the rows where one clock tells their order; return `usable` (N,) sorted, and notes."""
+    time = table.get("time_s", np.zeros(0))
+    if not is_unsorted(time[np.isfinite(time)]):
+        return usable, []
+    order = np.argsort(time, kind="stable")
+    table.update({name: values[order] for name, values in table.items()})
+    return usable[order], ["the rows were put in the order of time, and are counted in it"]
+
+
 def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
     """Begin time at 0; a time that begins again starts a new run."""
     if "time_s" not in table:
         return []
     time, notes = table["time_s"], []
     known = time[np.isfinite(time)]
-    if len(known) and known.min() > _EPOCH_S:
-        power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
+    if (power := clock_power(known)) is not None:
         time = (time - known.min()) / 10.0 ** (3 * power)
-        notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
+        notes.append(f"time counts from an epoch in {CLOCKS[power]}")
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
-    again = back[time[back] <= time[0] + 0.1 * np.nanmax(time)] if len(back) else back
+    again = back[time[back] <= np.nanmin(time) + 0.1 * np.nanmax(time)] if len(back) else back
     if len(back) and len(again) == len(back) and "run" not in table:
         run = np.zeros(len(time))
         run[back] = 1.0

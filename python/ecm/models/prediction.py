@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import convert_stiffness
+from ecm.effects.protocol import GROWS_WITH_TIME
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
@@ -90,6 +91,8 @@ Above what was measured on the neck (docs/models.md): 0.74 % there, 2.2 % at twi
 """
 _WIDE_ERRS_FROM_RAD, _WIDE_ERROR_AT_RAD = 1.2, 1.8
 """A family of a wide workspace errs by 0.1 % up to the first, and by that share at the second."""
+_LATE = 0.1
+"""Share of the measured range of time by which a drift may go on without a word."""
 _ROWS = 4 * 4096
 """Rows whose stiffness is held at once."""
 
@@ -245,9 +248,19 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
 
 def _outside(model: Model, table: Table) -> list[str]:
     outside = model.extrapolates(inputs_of(model.base, table))
-    if not outside.any():
-        return []
-    return [
-        f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained on: "
-        f"there it extrapolates{beyond_inputs(model, table)}"
-    ]
+    said = []
+    if outside.any():
+        said.append(
+            f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained on:"
+            f" there it extrapolates{beyond_inputs(model, table)}"
+        )
+    grows = [item.id for item in model.effects if item.effect.needs == GROWS_WITH_TIME]
+    if grows and "time_s" in model.conditions and table.has("time_s"):
+        (least, most), time = model.conditions["time_s"], table.column("time_s")
+        beyond = np.maximum(least - time, time - most) > _LATE * (most - least)
+        if beyond.any():
+            said.append(
+                f"{int(beyond.sum())} of {len(table)} rows have a time_s outside the measured "
+                f"times, {least:.4g} to {most:.4g} s: there {', '.join(grows)} extrapolates"
+            )
+    return said

@@ -25,6 +25,8 @@ _DERIVED = 2e-4
 """Share of its variance from which rounding is so coarse that nothing is known of a column."""
 _FEW_LEVELS = 0.25
 """A setting takes fewer values than this share of the values of the reading."""
+_TELLS = 0.1
+"""A column follows from those that make up more than this share of its spread."""
 _ROUNDED = 0.2
 """Rounding leaves more than this share of the step between two values; a setting may leave less."""
 
@@ -77,12 +79,16 @@ def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str])
 
 def _left_of_rounding(values: F, known: F) -> F | None:
     """What a linear function of known columns leaves, where that is no more than rounding."""
-    design = np.column_stack([np.ones(len(values)), known])
+    design = _with_constant(known)
     slope = lstsq(design, values, rcond=1e-12)
     left: F = values - design @ slope
     roundings = np.array([_rounding(column) for column in known.T])
     rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * roundings)))
     return left if left.var() < min(rounded**2, _DERIVED * values.var()) else None
+
+
+def _with_constant(known: F) -> F:
+    return np.column_stack([np.ones(len(known)), known])
 
 
 def _rounding(values: F) -> float:
@@ -99,9 +105,14 @@ def _rounding(values: F) -> float:
 
 
 def _is_setting(values: F, left: F, known: F) -> bool:
-    """Whether a column has few values, on which it stays closer than rounding would bring it."""
+    """Whether a column has few values, on which it stays closer than rounding would bring it.
+
+    A weight that is stated as the force, too, has no fewer values than that.
+    """
     levels = np.unique(values)
-    distinct = max(len(np.unique(column)) for column in known.T)
+    share = np.abs(lstsq(_with_constant(known), values, rcond=1e-12)[1:]) * known.std(axis=0)
+    from_these = known[:, share > _TELLS * values.std()].T
+    distinct = max((len(np.unique(column)) for column in from_these), default=0)
     if len(levels) > _FEW_LEVELS * distinct:
         return False
     return float(left.std()) < _ROUNDED * float(np.median(np.diff(levels)))
