@@ -363,6 +363,22 @@ def test_time_that_begins_again_makes_runs_and_epochs_begin_at_zero() -> None:
     assert "the rows were put in the order of time" in str(turned)
 
 
+@pytest.mark.parametrize("axis", ["", "z"])
+@pytest.mark.parametrize("names", [("Fx (N)", "Fy (N)"), ("fx_N", "fy_N")])
+def test_a_force_without_an_axis_beside_others_with_one_is_no_component(
+    axis: str, names: tuple[str, str]
+) -> None:
+    x = np.arange(15.0) * 1e-3
+    imported = import_log(
+        {"x_m": x, names[0]: x, names[1]: 2.0 * x, "Force (N)": 3.0 * x}, axis=axis
+    )
+    assert imported.table.wrench_columns == ("fx_N", "fy_N")
+    assert imported.table.covariates == ("force__n",)
+    assert "column 'Force (N)' may be fx_N or fy_N or fz_N, and is kept as your own" in str(
+        imported
+    )
+
+
 def test_what_alone_grows_in_seconds_is_the_time_whatever_its_name() -> None:
     x = np.arange(15.0) * 1e-3
     for values, is_time in ((2.0 * np.arange(15), True), (np.arange(15) % 4, False)):

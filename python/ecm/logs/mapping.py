@@ -169,6 +169,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     rotation = rotation_of(named, choices, log, source, used, found)
     used |= {entry.column for entry in rotation.sources} if rotation is not None else set()
     sure = {n.guesses[0].quantity for n in named.values() if len(n.guesses) == 1}
+    told = {n.guesses[0].standard() for n in named.values() if len(n.guesses) == 1}
     poses = rotation is not None or any(name in POSE for name in choices.columns)
     needed = poses and any(name in WRENCH for name in choices.columns)
     notes: list[str] = []
@@ -176,10 +177,14 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
         if name in used:
             continue
         guesses = _settled(own.guesses, sure, rotation)
-        standards = {s for r in guesses if (s := r.standard(choices.axis)) is not None}
+        standards = {s for r in guesses if (s := r.standard()) is not None}
+        # Beside Fx a force without an axis is likely its size, whatever axis others get.
+        beside = bool(not standards and told & _doubtful(guesses, standards))
+        if not beside:
+            standards = {s for r in guesses if (s := r.standard(choices.axis)) is not None}
         doubtful = _doubtful(guesses, standards)
         # Whoever has named pose and wrench need not say what each other column is.
-        if doubtful and (needed or doubtful <= choices.columns.keys()):
+        if doubtful and (needed or beside or doubtful <= choices.columns.keys()):
             notes.append(
                 f"column '{name}' may be {' or '.join(sorted(doubtful))}, and is kept as your own: "
                 "--map decides"
