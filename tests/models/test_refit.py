@@ -142,13 +142,20 @@ def _stiff_on_one_axis(n: int, seed: int) -> tuple[Table, Model]:
     return table, fit_model(table, "linear")
 
 
-def test_a_right_addition_of_few_columns_is_not_refused() -> None:
+@pytest.mark.parametrize("begin_s", [0.0, 5e5, 1.7e9])
+def test_a_right_addition_of_few_columns_is_not_refused(begin_s: float) -> None:
+    """A drift counts from the start of its fit, whatever the clock showed then."""
     table, _ = _stiff_on_one_axis(60, 3)
-    drifting = table.with_columns({"fx_N": table.column("fx_N") + 0.01 * table.column("time_s")})
+    time = table.column("time_s")
+    drifting = table.with_columns({"fx_N": table.column("fx_N") + 0.01 * time})
+    drifting = drifting.with_columns({"time_s": begin_s + time})
     before = fit_model(drifting, "linear")
     after = refit(before, drifting, add=["fts_drift"])
     refuse_addition(after, drifting, before)
     assert after.history[-1].held_out < after.history[0].held_out
+    assert after.effects[0].values == pytest.approx([0.01], rel=0.2)
+    end = ecm.predict(after, {name: drifting[name][-1:] for name in ("time_s", "x_m")})
+    assert end["fx_N"] == pytest.approx(drifting["fx_N"][-1:], abs=0.2)
     for later_s, said in ((5.0, ()), (600.0, ("60 of 60 rows have a time_s outside",))):
         later = drifting.with_columns({"time_s": drifting.column("time_s") + later_s})
         assert tuple(words[:35] for words in ecm.predict(after, later).warnings) == said

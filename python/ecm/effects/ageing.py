@@ -187,7 +187,7 @@ class Ageing(TimedEffect):
 
     def columns(self, rows: Rows) -> F:
         """g(t) h."""
-        grown = settled(rows.time_s(), self.tau_s)
+        grown = settled(rows.grown_s(), self.tau_s)
         return np.asarray((grown[:, None] * rows.material_wrench)[:, :, None])
 
 

@@ -148,11 +148,11 @@ class MarkerMotion(TimedEffect):
 
     def columns(self, rows: Rows) -> F:
         """-K_s (d + w x r, w) g(t), g per hour for the ramp, else from 0 to 1."""
-        time = rows.time_s()
+        time = rows.grown_s()
         if self.counted == "each":
             time = time - rows.begin_s()
         if self.course == "step":
-            growth = (time > self.at_s).astype(np.float64)
+            growth = (rows.time_s() > self.at_s).astype(np.float64)
         elif self.course == "settling":
             growth = -np.expm1(-time / self.at_s)
         else:

@@ -204,7 +204,7 @@ class FtsDrift(CourseEffect):
 
     def course(self, rows: Rows) -> F:
         """g(t), or g(t) - g(t_begin)."""
-        grown = settled(rows.time_s(), self.tau_s)
+        grown = settled(rows.grown_s(), self.tau_s)
         return grown - settled(rows.begin_s(), self.tau_s) if self.zeroed == "each" else grown
 
 
@@ -304,7 +304,7 @@ class GrowingLoad(CourseEffect):
 
     def course(self, rows: Rows) -> F:
         """g(t), zero where the sensor is unloaded."""
-        return rows.loaded(settled(rows.time_s(), self.tau_s))
+        return rows.loaded(settled(rows.grown_s(), self.tau_s))
 
 
 _KNEES = (0.3, 0.6, 0.85)

@@ -114,16 +114,28 @@ _MS = 500.0
 """Readings that follow each other so many times slower than they rest are stated in ms."""
 
 
+def clock_s(time: F) -> float:
+    """Return the first of times that count from elsewhere than the start of a campaign, else 0.
+
+    Examples
+    --------
+    >>> clock_s(np.array([1.7e9, 1.7e9 + 60.0])), clock_s(np.array([30.0, 60.0]))
+    (1700000000.0, 0.0)
+    """
+    begin = float(time.min(initial=np.inf))
+    return begin if len(time) and begin > _LATE * float(np.ptp(time)) > 0.0 else 0.0
+
+
 def time_unit(table: Table) -> str:
     """Return what looks wrong with time_s: its start, or its unit beside the rests (dwell_s)."""
     if not table.has("time_s"):
         return ""
     time = table.column("time_s")
-    if (begin := float(time.min())) > _LATE * float(np.ptp(time)) > 0.0:
+    if begin := clock_s(time):
         return (
             f"time_s begins only at {begin:.4g} s, far beyond its range of {np.ptp(time):.4g} s: "
-            "effects of time count from 0, the start of the campaign. State offset = "
-            f"{-begin:.10g} for it in [columns], unless that is right"
+            f"effects of time count from there. State offset = {-begin:.10g} for it in [columns], "
+            "or that of another start, and scale where the unit is not s"
         )
     if not table.has("dwell_s"):
         return ""

@@ -417,7 +417,7 @@ class EvaluatedModel:
     def of_fit(self) -> dict[str, Any]:
         """What effects took of all rows of the fit; older files hold the mean stiffness alone."""
         old = {name: self.training[name] for name in ("mean_stiffness",) if name in self.training}
-        return {**old, **self.training.get("of_fit", {})}
+        return {"clock_s": 0.0, **old, **self.training.get("of_fit", {})}
 
 
 def on_what_is_measured(model: ModelT, table: Table) -> ModelT:

@@ -261,6 +261,6 @@ def _outside(model: Model, table: Table) -> list[str]:
         if beyond.any():
             said.append(
                 f"{int(beyond.sum())} of {len(table)} rows have a time_s outside the measured "
-                f"times, {least:.4g} to {most:.4g} s: there {', '.join(grows)} extrapolates"
+                f"times, {least:.10g} to {most:.10g} s: there {', '.join(grows)} extrapolates"
             )
     return said

@@ -373,7 +373,8 @@ def _ageing(found: TimeEffects, model: EvaluatedModel, effect: Ageing, values: F
     if measured is None:
         _warn_of_range(found, effect, "ages", "0 s")
     least, largest = measured or (0.0, 0.0)
-    found.document["age_range_s"] = [min(least, 0.0), largest]
+    begin = float(model.of_fit["clock_s"])
+    found.document["age_range_s"] = [min(least - begin, 0.0), max(largest - begin, 0.0)]
     return ""
 
 

@@ -14,6 +14,7 @@ from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import B, F, I, lstsq, rms
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.sanity import clock_s
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits, pose_before
 
@@ -673,8 +674,17 @@ class Rows:
         return np.ascontiguousarray(np.where(known[:, None], self.came_from, self.poses))
 
     def time_s(self) -> F:
-        """(N,) time since the campaign began: the same origin for any part of its table."""
+        """(N,) time as in the table: the same origin for any part of it."""
         return self.table.column("time_s")
+
+    @property
+    def _clock_s(self) -> float:
+        """What the clock of the fit showed when its campaign began."""
+        return float(self.taken("clock_s", lambda: clock_s(self.time_s())))
+
+    def grown_s(self) -> F:
+        """(N,) time since the campaign of the fit began."""
+        return self.time_s() - self._clock_s
 
     @cached_property
     def campaign(self) -> I:
@@ -685,8 +695,9 @@ class Rows:
         return np.searchsorted(np.array(begins), self.time_s(), side="right").astype(np.int64)
 
     def begin_s(self) -> F:
-        """(N,) time at which the campaign of each row began: its sensor was zeroed then."""
-        return np.array([0.0, *self.table.meta.file.begins_s])[self.campaign]
+        """(N,) `grown_s` at which the campaign of each row began: its sensor was zeroed then."""
+        begins = np.array([self._clock_s, *self.table.meta.file.begins_s])
+        return begins[self.campaign] - self._clock_s
 
     @cached_property
     def mount_angle_rad(self) -> F:
