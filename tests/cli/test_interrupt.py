@@ -61,12 +61,13 @@ def test_an_interruption_at_any_moment_ends_with_130_and_one_line(tmp_path: Path
 
 
 WAITS = """
-import sys
+import signal, sys
 from pathlib import Path
 from ecm.cli import interrupt
 from ecm.cli.main import reported
 from ecm.io.cache import write_atomically
 from ecm.io.interrupts import uninterrupted
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where nohup runs the tests
 interrupt.install()
 interrupt.begin()
 def work():
