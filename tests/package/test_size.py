@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_057, 200),
+    "python/ecm": (42_051, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
     "tests": (32_617, 231),
@@ -18,7 +18,7 @@ LIMITS = {
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
 what three strangers saw: a remedy is tried before it is said, `refit` in Python refuses what the
 command refuses, an instrument that stands still is told, a prediction depends on no later row,
-and times, clocks and damaged files are told (300 in the package, 389 in the tests)."""
+and times, clocks and damaged files are told (294 in the package, 389 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -202,8 +202,7 @@ def _without_name(document: Mapping[str, Any]) -> str:
     again = _error(model["refitted"]) if model["refitted"] else base
     errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
-    far = (model["as_given"]["over_noise"] or 0.0) > FAR_BEYOND_NOISE
-    weak = "has no name" if far else "is too weak to be named"
+    weak = "has no name" if _errs_far(model) else "is too weak to be named"
     said = {
         "form": f"no effect, a better form of the model: {errs}, {model['base']} {base}",
         "numbers": "no effect, the model's numbers are not those of this body: "
@@ -211,11 +210,15 @@ def _without_name(document: Mapping[str, Any]) -> str:
         "effect": f"what {model['name']} lacks {weak}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
         "noise": f"{nothing}, though {errs}",
-    }.get(model["answer"], f"{nothing}{bounded}")
-    if model["reason"] == "rows":
-        said = f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
-        said += "they count less"
+        "rows": f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
+        "they count less",
+    }.get("rows" if model["reason"] == "rows" else model["answer"], f"{nothing}{bounded}")
     return f"{said}{_untested(document)}"
+
+
+def _errs_far(model: Mapping[str, Any]) -> bool:
+    """Whether it errs, as it stands, more than a noise that was stated half as large."""
+    return (model["as_given"]["over_noise"] or 0.0) > FAR_BEYOND_NOISE
 
 
 def _untested(document: Mapping[str, Any]) -> str:
@@ -315,10 +318,7 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     before = document["held_out"]["before"]
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         model = document["model"]
-        if (
-            document["noise"]["source"] == "declared"
-            and (model["as_given"]["over_noise"] or 0.0) > FAR_BEYOND_NOISE
-        ):
+        if document["noise"]["source"] == "declared" and _errs_far(model):
             yield "measure some poses twice: tells larger noise from a missing effect"
         base = model["base"]
         yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"

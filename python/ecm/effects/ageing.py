@@ -8,7 +8,6 @@ import numpy as np
 
 from ecm.effects.pairs import needs_order
 from ecm.effects.protocol import (
-    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -171,7 +170,8 @@ class Ageing(TimedEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
-    needs = GROWS_WITH_TIME
+    needs = "time (time_s)"
+    grows_with_time = True
     rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
 
     tau_s: float = optional(np.inf)

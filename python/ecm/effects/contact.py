@@ -8,7 +8,6 @@ import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
 from ecm.effects.protocol import (
-    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -113,7 +112,8 @@ class MarkerMotion(TimedEffect):
         "watch the base target alone for an hour",
     )
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
-    needs = GROWS_WITH_TIME
+    needs = "time (time_s)"
+    grows_with_time = True
     side = "measurement"
     rivals = {
         "fts_drift": "base_marker",

@@ -167,8 +167,6 @@ def needs_full(table: Table) -> Missing | None:
 
 
 needs_time = needs_columns("time_s")
-GROWS_WITH_TIME = "time (time_s)"
-"""What an effect needs that goes on with time, also beyond the measured one."""
 """Time: without it the order of rows is not the order in which they were read."""
 
 
@@ -218,6 +216,8 @@ class Effect:
     """How it shows: parity, azimuthal order, axes, what it depends on."""
     needs: str = ""
     """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
+    grows_with_time: bool = False
+    """Whether it goes on with time, also beyond the measured one."""
     requires: tuple[Need, ...] = (needs_full,)
     """What the data must have; the first that is missing is named."""
     side: Side = "physics"

@@ -18,7 +18,6 @@ from ecm.effects.contact import twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
-    GROWS_WITH_TIME,
     Effect,
     LinearEffect,
     LookAlike,
@@ -179,7 +178,8 @@ class FtsDrift(CourseEffect):
         "the unloaded zero every ten poses",
     )
     signature = "body axes, monotone in t, the same at home, not conservative"
-    needs = GROWS_WITH_TIME
+    needs = "time (time_s)"
+    grows_with_time = True
     requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
@@ -286,7 +286,8 @@ class GrowingLoad(CourseEffect):
         "readings with the sensor unloaded, at the start and at the end",
     )
     signature = "monotone in t, zero without the mechanism"
-    needs = GROWS_WITH_TIME
+    needs = "time (time_s)"
+    grows_with_time = True
     requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
 

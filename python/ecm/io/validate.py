@@ -250,25 +250,6 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
     return warnings
 
 
-CLOCKS = ("s", "ms", "us", "ns")
-"""Units in which clocks count from 1970."""
-_EPOCH_S = 1e8
-"""Larger times count from there: no campaign takes three years."""
-
-
-def clock_power(time: F) -> int | None:
-    """Place in `CLOCKS` of the unit of a time that counts from 1970; None of another.
-
-    Examples
-    --------
-    >>> clock_power(np.array([1.7e12])), clock_power(np.array([3.0]))
-    (1, None)
-    """
-    if not len(time) or time.min() <= _EPOCH_S:
-        return None
-    return min(3, max(0, round((math.log10(np.median(time)) - 9.2) / 3)))
-
-
 _UNSORTED = 0.1
 """Share of the rows at which time goes back, and of its range beyond which it goes back to."""
 

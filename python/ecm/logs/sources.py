@@ -34,7 +34,7 @@ from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
-from ecm.io.validate import CLOCKS, clock_power, is_unsorted
+from ecm.io.validate import is_unsorted
 from ecm.logs.log import Log
 from ecm.logs.names import (
     Answer,
@@ -413,6 +413,10 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     )
 
 
+_EPOCH_S = 1e8
+"""Larger times count from an epoch; the table's begin at 0."""
+
+
 def standard_columns(
     log: Log, mapped: ColumnMap, source: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
@@ -503,9 +507,10 @@ def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
         return []
     time, notes = table["time_s"], []
     known = time[np.isfinite(time)]
-    if (power := clock_power(known)) is not None:
+    if len(known) and known.min() > _EPOCH_S:
+        power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
         time = (time - known.min()) / 10.0 ** (3 * power)
-        notes.append(f"time counts from an epoch in {CLOCKS[power]}")
+        notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
     again = back[time[back] <= np.nanmin(time) + 0.1 * np.nanmax(time)] if len(back) else back
     if len(back) and len(again) == len(back) and "run" not in table:

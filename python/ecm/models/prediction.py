@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import convert_stiffness
-from ecm.effects.protocol import GROWS_WITH_TIME
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress
@@ -254,7 +253,7 @@ def _outside(model: Model, table: Table) -> list[str]:
             f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained on:"
             f" there it extrapolates{beyond_inputs(model, table)}"
         )
-    grows = [item.id for item in model.effects if item.effect.needs == GROWS_WITH_TIME]
+    grows = [item.id for item in model.effects if item.effect.grows_with_time]
     if grows and "time_s" in model.conditions and table.has("time_s"):
         (least, most), time = model.conditions["time_s"], table.column("time_s")
         beyond = np.maximum(least - time, time - most) > _LATE * (most - least)

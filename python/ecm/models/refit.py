@@ -301,8 +301,9 @@ def remedy_with_base(
         Held-out error over the noise up to which it is a way out.
     """
     try:
-        refuse_unused_inputs(table, parse_model(name))
-        base = fit_rows(table, parse_model(name))
+        specification = parse_model(name)
+        refuse_unused_inputs(table, specification)
+        base = fit_rows(table, specification)
         found = base.add(*effects).fit(table)
         refuse_worse(found, table)
         if effects and (objections(found, table, base) or _better_base(found, table) is not None):
