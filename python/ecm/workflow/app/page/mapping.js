@@ -76,7 +76,7 @@ function listed(columns, picks) {
       }}, options([["", `guess: ${guess}`], [UNUSED, "not used"], ...item.standard || item.quantity ? [[OWN, "your own"]] : [], ...names.map(name => [name, column(name).words])], kept[`what ${item.name}`]));
       const units = () => {
         const said = [UNUSED, OWN].includes(what.value);
-        const standard = said ? "" : what.value || item.standard, own = said ? [] : standard ? UNITS[kindOf(standard)] : turned ? UNITS.rad : [];
+        const standard = said ? "" : what.value || item.standard, own = said ? [] : standard ? UNITS[kindOf(standard)] ?? [] : turned ? UNITS.rad : [];
         unit.replaceChildren(...options([["", item.unit ? `stated: ${item.unit}` : own.length ? "not stated" : "–"],
           ...own.map(word => [word.replaceAll(" ", ""), word])], kept[`unit ${item.name}`]));
         unit.disabled = !own.length || (!standard && turned);
