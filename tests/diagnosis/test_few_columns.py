@@ -514,7 +514,10 @@ def test_without_the_pressure_each_run_is_said_to_have_a_force_of_its_own() -> N
 
 @pytest.mark.parametrize("planar", [False, True])
 def test_a_body_of_known_length_that_grows_with_the_warmth_is_named_and_added(planar: bool) -> None:
-    """Fewer poses than six and a length: the rest pose has the columns of the table."""
+    """Fewer poses than six and a length: the rest pose has the columns of the table.
+
+    Where the stiffness hardly changes a zero that follows the room looks the same.
+    """
     random = np.random.default_rng(1)
     n, length = 120, 0.06
     time_s = 10.0 * np.arange(n)
@@ -534,7 +537,8 @@ def test_a_body_of_known_length_that_grows_with_the_warmth_is_named_and_added(pl
     table = ecm.Table(pose | read | own, meta)
     model = ecm.fit(table, "cubic")
     assert Rows(table, model.base).middle_pose.tolist() == [length, 0.0][: 1 + planar]
-    assert find_missing(model, table).answer == (("thermal_expansion",),)
+    (members,) = find_missing(model, table).answer
+    assert set(members) == {"thermal_expansion", "fts_thermal_drift"}
     grown = ecm.refit(model, table, add="thermal_expansion")
     alpha = grown.params["thermal_expansion.alpha"]
     assert abs(alpha.value - 3e-4) < 4.0 * alpha.sd
@@ -565,3 +569,20 @@ def test_one_loop_without_a_clock_is_friction_and_no_cause_that_follows_the_rows
     assert find_missing(model, by_angle).not_testable["hysteresis"].reason == "one direction only"
     shuffled = table.select(np.random.default_rng(0).permutation(len(angle)))
     assert find_missing(model, shuffled).not_testable["hysteresis"].reason == "no column time_s"
+
+
+@pytest.mark.parametrize("recorded", ["temperature_degC", "lab_temp"])
+def test_a_force_that_follows_the_room_is_named_by_whatever_column_has_it(recorded: str) -> None:
+    random, n = np.random.default_rng(1), 60
+    x, y = random.uniform(-2e-3, 2e-3, (2, n))
+    warm = 22.0 + 3.0 * np.sin(np.arange(n) / 13.0) + random.normal(0.0, 0.1, n)
+    fx = 8e3 * x + 1e9 * x**3 + 0.15 * (warm - 22.0) + 0.02 * random.standard_normal(n)
+    fy = 6e3 * y - 0.08 * (warm - 22.0) + 0.02 * random.standard_normal(n)
+    columns = {"x_m": x, "y_m": y, "fx_N": fx, "fy_N": fy, "time_s": 30.0 * np.arange(n)}
+    table = ecm.as_table({**columns, recorded: warm})
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.verdict == "named"
+    assert list(found.effects[0].values) == pytest.approx([0.15, -0.08], abs=0.01)
+    assert found.effects[0].effect.id.removesuffix(":lab_temp") in (
+        "fts_thermal_drift", "unused_column"
+    )  # fmt: skip

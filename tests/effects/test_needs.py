@@ -32,7 +32,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "tendon_friction": ("tendon1_N", "approach"),
     "inertia": ("raw.parquet",),
     "fts_drift": ("time_s",),
-    "fts_thermal_drift": ("sensor_temperature_degC",),
+    "fts_thermal_drift": ("warmth",),
     "fts_saturation": ("fts_range",),
     "fts_hysteresis": ("time_s",),
     "fts_quantisation": ("fts_resolution",),
@@ -51,6 +51,7 @@ SAID = {
     "kind": "home",
     "tendon1_N": "tendon1_N",
     "pose_id": "repeats",
+    "warmth": "sensor_temperature_degC",
     "path": "approach, or time_s",
 }
 """What the record names in place of the column."""
@@ -81,6 +82,7 @@ def without(table: Table, name: str) -> Table:
         return table.with_meta(replace(meta, file=replace(meta.file, kind="static")))
     several = {
         "path": ("approach", "time_s"),
+        "warmth": ("temperature_degC", "sensor_temperature_degC"),
         "tendon1_N": tuple(column for column in table.columns if column.startswith("tendon")),
     }
     return table.drop(*several.get(name, (name,)))
@@ -102,6 +104,16 @@ def test_poses_and_wrenches_are_enough_for_all_others(effect: Effect) -> None:
     bare = without(without(bare, "free_length_m"), "gravity_m_s2")
     bare = without(without(bare, "fts_range"), "fts_resolution")
     assert (effect.missing(bare) is not None) == (effect.id in NEEDS)
+
+
+def test_the_sensor_may_follow_the_only_temperature_that_is_known() -> None:
+    table, effect = table_for(""), get_effect("fts_thermal_drift")
+    fitted = effect.variants(table)
+    other = table.drop("sensor_temperature_degC")
+    assert effect.missing(other) is None
+    assert {form.shape["follows"] for form in effect.variants(other)} == {"temperature_degC"}
+    # What was fitted to the sensor's own temperature does not take another one.
+    assert all(form.missing(other) is not None for form in fitted)
 
 
 def test_without_time_no_effect_of_path_reads_the_order_of_rows() -> None:

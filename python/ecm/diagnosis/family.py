@@ -242,13 +242,14 @@ def _mean_of_logs(logs: Sequence[float] | F) -> float:
 
 
 _SLOW = ("ageing", "fts_drift"), "repeat_first_poses", 6
+_WARMTH_OF_SENSOR = "sensor_temperature_degC"
 _COLUMNS = {
     "time_s": ("time", *_SLOW),
     "temperature_degC": (
         "the temperature of the body",
         ("temperature_modulus", "thermal_expansion"), "warm_and_cold", 4,
     ),
-    "sensor_temperature_degC": (
+    _WARMTH_OF_SENSOR: (
         "the temperature of the sensor", ("fts_thermal_drift",), "zero_warm_and_cold", 4
     ),
 }  # fmt: skip
@@ -265,6 +266,8 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     order = {} if table.has("time_s") else {"row": ("the order of the rows", *_SLOW)}
     for column, (words, like, experiment, count) in (_COLUMNS | order | of_user).items():
         values = _values(table, column)
+        if column == "temperature_degC" and not table.has(_WARMTH_OF_SENSOR):
+            like = (*like, *_COLUMNS[_WARMTH_OF_SENSOR][1])
         # Along one loading curve a variable cannot be told from the pose.
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:

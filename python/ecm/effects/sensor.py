@@ -9,7 +9,7 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -208,26 +208,36 @@ class FtsDrift(CourseEffect):
         return grown - settled(rows.begin_s(), self.tau_s) if self.zeroed == "each" else grown
 
 
+_SENSOR_DEGC = "sensor_temperature_degC"
+
+
+def _warmth_of(table: Table) -> str:
+    """Column of the sensor's temperature; that of the body where only that is there."""
+    instead = not table.has(_SENSOR_DEGC) and table.has("temperature_degC")
+    return "temperature_degC" if instead else _SENSOR_DEGC
+
+
 @dataclass(eq=False)
 class FtsThermalDrift(CourseEffect):
     """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
 
-    Zeroed at the start of `each` campaign: T0 is that of the campaign's first row.
+    Zeroed at the start of `each` campaign: T0 is that of the campaign's first row. Where nobody
+    recorded the sensor's temperature that of the body stands for it.
 
     Parameters: *_per_K: how much the zero of this axis drifts per kelvin.
     """
 
     id = "fts_thermal_drift"
-    physics = "The sensor's zero follows the sensor's own temperature."
+    physics = "The sensor's zero follows its temperature."
     parameters = _of_axes("per_K", "/K", (0.3, 0.01))
     along = ("rate", "/K")
     outside = LookAlike(
-        "anything in the sensor's axes that follows its temperature: the supply, a hot flange",
+        "anything that adds a force with the temperature: a body or frame that grows, the supply",
         "log the warm-up without load",
     )
     signature = "body axes, follows the sensor's temperature, not h"
-    needs = "the sensor's temperature (sensor_temperature_degC)"
-    requires = (needs_full, needs_varying("sensor_temperature_degC", 0.25))
+    needs = "the sensor's temperature (sensor_temperature_degC), or else temperature_degC"
+    requires = (needs_full,)
     side = "measurement"
     kind = "time"
     rivals = {"fts_drift": "warm_up_log", "temperature_modulus": "zero_warm_and_cold"}
@@ -237,28 +247,33 @@ class FtsThermalDrift(CourseEffect):
     single columns."""
     zeroed: str = optional("once")
     """Whether the sensor was zeroed once or at the start of `each` campaign."""
+    follows: str = optional(_SENSOR_DEGC)
+    """Column of the temperature."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.reference_degC is not None and self.zeroed == "each":
             raise InputError(f"effect {self.id}: zeroed 'each' has no reference_degC, remove one")
 
+    def missing(self, table: Table) -> Missing | None:
+        """Needs its temperature to vary; a form without a zero may still follow either."""
+        zero = self.reference_degC is not None or self.zeroed == "each"
+        follows = self.follows if zero else _warmth_of(table)
+        return super().missing(table) or needs_varying(follows, 0.25)(table)
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Zeroed at the temperature of the first row, or at the mean; of single columns there."""
-        temperature = table.column("sensor_temperature_degC")
+        own = replace(self, follows=_warmth_of(table))
+        temperature = table.column(own.follows)
+        mean = replace(own, reference_degC=round(float(temperature.mean()), 3))
         if self.outputs is not None:
-            outputs = ",".join(table.wrench_columns)
-            return (FtsThermalDrift(round(float(temperature.mean()), 3), outputs=outputs),)
-        mean = FtsThermalDrift(round(float(temperature.mean()), 3))
-        once = FtsThermalDrift(round(float(temperature[0]), 3))
-        return (
-            *(FtsThermalDrift(zeroed=z) if z == "each" else once for z in zeroings(table)),
-            mean,
-        )
+            return (replace(mean, outputs=",".join(table.wrench_columns)),)
+        once = replace(own, reference_degC=round(float(temperature[0]), 3))
+        return (*(replace(own, zeroed=z) if z == "each" else once for z in zeroings(table)), mean)
 
     def course(self, rows: Rows) -> F:
         """T - T0."""
-        temperature = rows.table.column("sensor_temperature_degC")
+        temperature = rows.table.column(self.follows)
         zero = np.full(len(rows), temperature[0] if self.outputs is None else 0.0)
         if self.reference_degC is not None:
             zero[:] = self.reference_degC
