@@ -264,10 +264,13 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     of_user = {n: (n, (f"unused_column:{n}",), f"vary {n} alone", 4) for n in own}
     # Without a time the order of the rows stands for it.
     order = {} if table.has("time_s") else {"row": ("the order of the rows", *_SLOW)}
-    for column, (words, like, experiment, count) in (_COLUMNS | order | of_user).items():
+    known = dict(_COLUMNS)
+    if not table.has(_WARMTH_OF_SENSOR):  # that of the body stands for it
+        words, like, action, cosines = known["temperature_degC"]
+        both = like + known[_WARMTH_OF_SENSOR][1]
+        known["temperature_degC"] = words, both, action, cosines
+    for column, (words, like, experiment, count) in (known | order | of_user).items():
         values = _values(table, column)
-        if column == "temperature_degC" and not table.has(_WARMTH_OF_SENSOR):
-            like = (*like, *_COLUMNS[_WARMTH_OF_SENSOR][1])
         # Along one loading curve a variable cannot be told from the pose.
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
