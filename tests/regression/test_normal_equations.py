@@ -81,3 +81,24 @@ def test_a_good_matrix_on_which_the_fast_algorithm_gives_up_is_solved(
         svd(columns)
     with pytest.raises(np.linalg.LinAlgError):
         lstsq(columns, response)
+
+
+@pytest.mark.parametrize("own", [0, 2])
+def test_columns_that_were_projected_out_are_held_out_as_well(own: int) -> None:
+    """A base that is too large for the design is fitted anew without each fold."""
+    random, groups = np.random.default_rng(0), np.arange(120) // 3
+    base, columns = random.normal(size=(120, 10)), random.normal(size=(120, own))
+    response = base @ random.normal(size=10) + random.normal(size=120)
+    basis = np.linalg.qr(base)[0]
+    left = (one - basis @ (basis.T @ one) for one in (columns, response))
+    rows, read = (one.reshape(120, 1, -1) for one in left)
+    normal = NormalEquations.of(rows, read[:, :, 0], groups)
+    fold, every = np.arange(40) % 5, np.ones(40)
+    found = normal.held_out(range(own), fold, every, projected=basis)
+    both, of_row = np.column_stack([base, columns]), fold[groups]
+    for one in range(5):
+        fitted = lstsq(both[of_row != one], response[of_row != one])
+        squares = (response - both @ fitted) ** 2
+        assert found[fold == one] == pytest.approx(squares.reshape(40, 3).sum(axis=1)[fold == one])
+    in_sample = (read[:, 0, 0] ** 2).sum()
+    assert found.sum() > 1.1 * in_sample

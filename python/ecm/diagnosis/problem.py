@@ -528,6 +528,11 @@ class Problem:
         return np.asarray(self.design[:, :, own] * self.norms[own])
 
     @cached_property
+    def normal_of_projected(self) -> NormalEquations:
+        """Those of the base that is too large for the design, in the order of `normal`."""
+        return NormalEquations.of(self.projected_base, self.response, self.groups, self.weights)
+
+    @cached_property
     def squares_beside_base(self) -> float:
         """Weighted squares of the response that the base leaves."""
         matrix, vector, total = self.normal.total()

@@ -65,7 +65,7 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import Addition
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import HOW, RowsUsed, held_out_by
-from ecm.regression.noise import Noise
+from ecm.regression.noise import Noise, lacking_figures
 from ecm.regression.normal_equations import beside
 from ecm.regression.rows import derived_columns
 from ecm.report import figures as draw
@@ -523,13 +523,15 @@ def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
 
 
 def _of_noise(problem: Problem) -> Iterator[str]:
+    columns = (*problem.base.inputs, *problem.base.outputs)
+    figures = ", ".join(lacking_figures(problem.table, columns)) or "figures above 0"
     if problem.noise.is_residual:
         yield (
             "nothing is known of the noise: the spread of the base's own residual weighs the "
-            "components; record repeats, or give [instrument] figures"
+            f"components; record repeats, or give [instrument] {figures}"
         )
     elif problem.noise.source == "assumed":
-        yield "the noise is assumed: record repeats, or give [instrument] figures"
+        yield f"the noise is assumed: record repeats, or give [instrument] {figures}"
     if problem.scale > 1.5 and not problem.noise.is_residual:
         yield (
             f"the noise is {np.sqrt(problem.scale):.2f} times as large as "

@@ -380,8 +380,9 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     kind
         "pose": blocks of time are held out; "time": clusters of poses.
     """
-    columns = problem.columns_of(chosen)
-    return problem.normal.held_out(columns, _fold_of_group(problem, kind), _scored_groups(problem))
+    columns, fold = problem.columns_of(chosen), _fold_of_group(problem, kind)
+    projected = problem.normal_of_projected.rows
+    return problem.normal.held_out(columns, fold, _scored_groups(problem), projected=projected)
 
 
 def kind_of(chosen: Sequence[Candidate]) -> str:

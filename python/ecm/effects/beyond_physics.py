@@ -214,17 +214,17 @@ class HigherDegree(LinearEffect):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Degrees up to nine for one pose column, up to five for more."""
+        """Degrees up to nine, of every pair and of each alone."""
         of, names = pairs(table), spans(table)
         middle = []
         for name in names:
             low, high = _range(table, name)
             middle.append(f"{name} {0.5 * (low + high):.6g} {0.5 * (high - low):.6g}")
-        most = 9 if len(names) == 1 else 5
+        groups = dict.fromkeys([",".join(of), *of])
         return tuple(
-            HigherDegree(",".join(of), degree, ", ".join(middle))
+            HigherDegree(group, degree, ", ".join(middle))
+            for group in groups
             for degree in _DEGREES
-            if degree <= most
         )
 
     def columns(self, rows: Rows) -> F:

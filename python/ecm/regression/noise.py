@@ -207,6 +207,23 @@ def is_exact(table: Table, columns: Sequence[str] = _ALL) -> bool:
     return all(figure == 0.0 for figure in _needed(table, columns))
 
 
+def lacking_figures(table: Table, columns: Sequence[str] = _ALL) -> tuple[str, ...]:
+    """Names of the figures in `[instrument]` that concern these columns and are not given.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> table = as_table({"x_m": [0.1, 0.2], "fx_N": [1.0, 2.0]})
+    >>> lacking_figures(table, ("x_m", "fx_N"))
+    ('pose_position_sd_m', 'force_sd_N')
+    """
+    figures, names = _figures(table), (f"pose_{n}" for n in _FIGURES[:2])
+    of_each = zip((*names, *_FIGURES[2:]), figures.items(), strict=True)
+    return tuple(
+        name for name, (own, figure) in of_each if figure is None and set(own) & set(columns)
+    )
+
+
 def _needed(table: Table, columns: Sequence[str]) -> list[float | None]:
     figures = _figures(table)
     return [figures[own] for own in figures if set(own) & set(columns)]

@@ -98,7 +98,12 @@ class NormalEquations:
         return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(
-        self, columns: Sequence[int], fold_of_group: I, scored: F, known: tuple[F, F] | None = None
+        self,
+        columns: Sequence[int],
+        fold_of_group: I,
+        scored: F,
+        known: tuple[F, F] | None = None,
+        projected: F | None = None,
     ) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.
 
@@ -108,6 +113,8 @@ class NormalEquations:
             (g,) 1 for groups that count, 0 for others (their squares are set to 0).
         known
             Whitened rows (r, k) of these columns, and their response (r,), that no fold leaves out.
+        projected
+            (r, b) orthonormal columns that rows and response are without; they are fitted as well.
         """
         own = self.only(columns)
         matrix, vector, _ = own.total()
@@ -119,10 +126,32 @@ class NormalEquations:
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
             rows, response = own.rows[inside], self.response[inside]
-            theta = solve(*difference((matrix, vector), (rows.T @ rows, response @ rows)))
-            left = (response - rows @ theta) ** 2
+            others, read = rows, response
+            if projected is not None and projected.shape[1]:
+                both = _without_them(projected[inside], np.column_stack([rows, response]))
+                others, read = both[:, :-1], both[:, -1]
+            theta = solve(*difference((matrix, vector), (rows.T @ others, read @ rows)))
+            left = (read - others @ theta) ** 2
             result += np.bincount(group[inside], left, len(result))
         return np.where(scored > 0.0, result, 0.0)
+
+
+def _without_them(projected: F, left: F) -> F:
+    """(i, k) what some rows leave where the projected columns are fitted to all other rows.
+
+    Parameters
+    ----------
+    projected
+        (i, b) these rows of orthonormal columns.
+    left
+        (i, k) what they leave where these columns are fitted to all rows. What only these rows
+        tell of them stays so.
+    """
+    shares, directions = np.linalg.eigh(projected.T @ projected)
+    others = 1.0 - shares
+    grown = np.divide(1.0, others, out=np.zeros_like(others), where=others > _LEAST_SEEN)
+    along = projected @ directions
+    return np.asarray(left + (along * grown) @ (along.T @ left))
 
 
 def difference(whole: tuple[F, F], part: tuple[F, F]) -> tuple[F, F]:
