@@ -609,3 +609,27 @@ def test_a_stage_that_softens_smoothly_is_a_higher_degree_of_a_cubic(seed: int) 
     # The errors of a large base are of held-out rows as well: of 450 numbers it has 168.
     richer = ecm.diagnose(ecm.fit(table, "poly:5"), table)
     assert richer.model.base_errors.over_noise > 1.2
+
+
+@pytest.mark.parametrize("seed", [102, 103, 106])
+def test_a_log_that_scatters_more_under_load_lacks_nothing(seed: int) -> None:
+    """Before, the rows of small loads counted too little: a kink or a softening was named."""
+    random, time_s = np.random.default_rng(seed), 0.05 * np.arange(400)
+    x = 3e-3 * np.sin(1.3 * time_s) * np.cos(0.11 * time_s)
+    force = 8e3 * x + 2e8 * x**3
+    read = force + (0.05 + 0.04 * np.abs(force)) * random.standard_normal(400)
+    table = ecm.as_table({"x_m": x, "fx_N": read, "time_s": time_s})
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.verdict == "none"
+    assert any("scatter more under load" in one for one in found.warnings)
+
+
+def test_friction_is_named_where_the_scatter_grows_with_the_load() -> None:
+    random, time_s = np.random.default_rng(1), 0.05 * np.arange(400)
+    x = 3e-3 * np.sin(1.3 * time_s)
+    force = 8e3 * x + 2e8 * x**3
+    way = np.tanh(np.gradient(x) / 1e-5)
+    read = force + 1.5 * way + (0.05 + 0.04 * np.abs(force)) * random.standard_normal(400)
+    table = ecm.as_table({"x_m": x, "fx_N": read, "time_s": time_s})
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert "hysteresis" in found.answer[0]

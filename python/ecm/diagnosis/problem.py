@@ -35,7 +35,14 @@ from ecm.models.joint_fit import (
 from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
 from ecm.regression.folds import row_groups
-from ecm.regression.noise import Noise, is_exact, some_rows, weighed_by_rest, whiteners
+from ecm.regression.noise import (
+    Noise,
+    grown_by_rest,
+    is_exact,
+    some_rows,
+    weighed_by_rest,
+    whiteners,
+)
 from ecm.regression.normal_equations import (
     NormalEquations,
     explained_by_blocks,
@@ -796,12 +803,23 @@ def _significant(problem: Problem) -> F:
 
 
 def noise_by_rest(problem: Problem) -> Noise:
-    """Return the noise; where it is only assumed, with the ratios that the residual shows."""
+    """Return the noise; where it is only assumed, as the residual shows it.
+
+    Of the six columns its ratios, of others how it grows with the load.
+    """
     noise, base = problem.noise, problem.base
-    if noise.source != "assumed" or noise.components is not None or not is_whole(base):
+    if noise.source != "assumed" or not (noise.components or is_whole(base)):
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
     take = some_rows(len(problem.table))
+    if noise.components:
+        parts = (problem.base_block, _significant(problem), smooth)
+        basis = orthonormal(problem.flat(np.concatenate(parts, axis=2)))
+        y = problem.flat(problem.response[:, :, None])[:, 0]
+        left = np.maximum(1.0 - (basis**2).sum(axis=1), 0.1)
+        squares = (y - basis @ (basis.T @ y)) ** 2 / left
+        squares = squares.reshape(problem.response.shape) * np.square(noise.components)
+        return grown_by_rest(noise, problem.rows, squares)
     # Not the base's own errors: each is about the noise, and of a large base so many that no
     # reading would be left to tell the ratios.
     parts = (problem.coefficient_block, _significant(problem), smooth)

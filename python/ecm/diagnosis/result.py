@@ -532,6 +532,13 @@ def _of_noise(problem: Problem) -> Iterator[str]:
         )
     elif problem.noise.source == "assumed":
         yield f"the noise is assumed: record repeats, or give [instrument] {figures}"
+    if problem.noise.components:
+        sd = np.sqrt(problem.noise.variances(problem.rows) / np.square(problem.noise.components))
+        if (most := sd.max()) > 1.0:
+            yield (
+                f"the rows scatter more under load, at the largest {most:.2g} times as much as "
+                "without: they count less there"
+            )
     if problem.scale > 1.5 and not problem.noise.is_residual:
         yield (
             f"the noise is {np.sqrt(problem.scale):.2f} times as large as "

@@ -96,7 +96,7 @@ class Noise:
         m = len(rows.base.outputs)
         if self.components is not None:
             covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
-            return np.array(covariance)
+            return np.array(covariance + self.grown(rows))
         outputs = rows.base.outputs
         of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
         acting = rows.acting_stiffness * self.pose_sd(rows.base.inputs)
@@ -123,17 +123,18 @@ class Noise:
         """(N, m, m) diagonal (sigma g h)^2, by which the load raises the covariance."""
         force = np.array([name in WRENCH[:3] for name in rows.base.outputs])
         sd = np.where(force, self.force_sd_N, self.torque_sd_Nm)
+        sd = sd if self.components is None else np.array(self.components)
         growth = np.where(force, self.growth_per_N, self.growth_per_Nm)
         own = (sd * growth * rows.wrench) ** 2
         return np.asarray(own[:, :, None] * np.eye(len(force)))
 
     def to_dict(self) -> dict[str, Any]:
         """For model files and reports."""
-        if self.components is not None:
-            return {"source": self.source, "components": list(self.components)}
         grown = {"growth_per_N": self.growth_per_N, "growth_per_Nm": self.growth_per_Nm}
-        figures = {name: getattr(self, name) for name in _FIGURES}
         known = {name: value for name, value in grown.items() if value > 0.0}
+        if self.components is not None:
+            return known | {"source": self.source, "components": list(self.components)}
+        figures = {name: getattr(self, name) for name in _FIGURES}
         return known | {"source": self.source} | figures
 
     @staticmethod
@@ -331,6 +332,9 @@ _ITERATIONS = 30
 _OUTLIER = 30.0
 """Squared whitened length beyond which a contrast is left out; six components reach it with
 probability 4e-5."""
+_GROWS = 12.0
+"""Fall of twice the negative log likelihood from which the noise grows with the load; chance makes
+one of 2000 larger."""
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
 _PRIOR_ASSUMED = 3.0
 _MOST_NUISANCE = 0.7
@@ -410,6 +414,41 @@ def weighed_by_rest(rows: Rows, residual: F, nuisance: F, assumed: Noise) -> Noi
     log_variance, data = _of_inliers(data, log_prior, _PRIOR_ASSUMED)
     ratio = _left(data, log_prior).sum() / _left(data, log_variance).sum()
     return assumed.with_parameters(np.sqrt(np.exp(log_variance) / ratio), "assumed")
+
+
+def grown_by_rest(noise: Noise, rows: Rows, squares: F) -> Noise:
+    """The spread of each column as one that grows with its load, where a residual shows that.
+
+    A likelihood of variances sigma^2 (1 + (g h)^2), g of all forces and of all torques.
+
+    Parameters
+    ----------
+    noise
+        With `components`; their mean squares stay.
+    squares
+        (N, m) of a residual, each over the share of it that a fit leaves.
+    """
+    loads, said = rows.wrench**2, noise
+    force = np.array([name in WRENCH[:3] for name in rows.base.outputs])
+    components = np.array(noise.components)
+    for own, name in ((force, "growth_per_N"), (~force, "growth_per_Nm")):
+        if not own.any() or not (largest := loads[:, own].max()) > 0.0:
+            continue
+
+        def fit(
+            growth: float, load: F = loads[:, own], read: F = squares[:, own]
+        ) -> tuple[float, F]:
+            shape = 1.0 + growth**2 * load
+            size = (read / shape).mean(axis=0)
+            cost = np.log(np.maximum(size, 1e-300)).sum() * len(read) + np.log(shape).sum()
+            return float(cost), np.sqrt(shape.mean(axis=0))
+
+        tried = np.geomspace(0.1, 100.0, 40) / np.sqrt(largest)
+        best = min(tried.tolist(), key=lambda growth: fit(growth)[0])
+        if fit(0.0)[0] - fit(best)[0] > _GROWS:
+            components[own] /= fit(best)[1]
+            said = replace(said, **{name: best})
+    return said if said is noise else replace(said, components=tuple(components.tolist()))
 
 
 def _of_inliers(data: _Contrasts, log_prior: F, width: float) -> tuple[F, _Contrasts]:
