@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.errors import InputError
 from ecm.io.arrays import lstsq, svd
+from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
     difference,
@@ -102,3 +104,12 @@ def test_columns_that_were_projected_out_are_held_out_as_well(own: int) -> None:
         assert found[fold == one] == pytest.approx(squares.reshape(40, 3).sum(axis=1)[fold == one])
     in_sample = (read[:, 0, 0] ** 2).sum()
     assert found.sum() > 1.1 * in_sample
+
+
+def test_a_stiffness_without_bounds_is_told_from_a_sensor_without_noise() -> None:
+    """Rows along one path leave coefficients open; no figure of the sensor mends that."""
+    drowned = 1e24 * np.ones((1, 2, 2)) + np.diag([0.1, -0.1])
+    with pytest.raises(InputError, match="leave some of its coefficients open"):
+        whiteners(drowned)
+    with pytest.raises(InputError, match="has no noise at all"):
+        whiteners(np.diag([1.0, 0.0])[None])
