@@ -469,10 +469,18 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
         opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
 
 
-def test_an_answer_to_no_question_stops_the_run() -> None:
+def linked(**settings: Any) -> tuple[Any, socket.socket]:
+    """A device behind lines, and the other end."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        device = opened("line", {"address": f"127.0.0.1:{listener.getsockname()[1]}"}, "bench")
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        device = opened("line", {"address": address} | settings, "bench")
         connection, _ = listener.accept()
+    connection.settimeout(5.0)
+    return device, connection
+
+
+def test_an_answer_to_no_question_stops_the_run() -> None:
+    device, connection = linked()
     with connection:
         connection.sendall(b'{"ok": true, "degC": 20.0}\n')  # later answers would be one late
         with pytest.raises(DeviceError, match=r"degC.: 20\.0}'` came before `temperature`, and n"):
@@ -522,16 +530,11 @@ POSE_TOLD = f'{{"ok": true, "mean": {[0.0] * 6}, "sd": {[0.0] * 6}}}'
 def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
     form: str, answers: list[str], said: str
 ) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        address = f"127.0.0.1:{listener.getsockname()[1]}"
-        settings = {"form": "json" if form == "late" else form, "timeout_s": 0.5}
-        device = opened("line", {"address": address} | settings, "bench")
-        connection, _ = listener.accept()
+    device, connection = linked(form="json" if form == "late" else form, timeout_s=0.5)
     with connection, connection.makefile("rwb") as stream:
         calls = []
         for call, word in ((partial(device.pose, 0.1), b"pose"), (device.stop, b"stop")):
             calls.append(Status(call))
-            connection.settimeout(5.0)
             assert word in stream.readline()
             if form == "late":
                 calls[0].exception(5.0)
@@ -541,6 +544,35 @@ def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
     device.close()
     assert said in str(heard[0])
     assert (heard[1] is None) == (answers[-1:] in (['{"ok": true}'], ["ok"]))
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize("form", ["json", "csv", "json numbered", "csv numbered"])
+@pytest.mark.parametrize("asked", ["start", "ask", "actuate", "follow"])
+def test_a_late_answer_is_not_that_of_the_stop(form: str, asked: str, lost: bool) -> None:
+    def answer(line: bytes) -> bytes:
+        number = (re.findall(rb"\d+", line) or [b""])[0]
+        if form.startswith("csv"):
+            return b"ok\r\n" if form == "csv" else number + b",ok\r\n"
+        return b'{"ok": true}\r\n' if form == "json" else b'{"ok": true, "id": %b}\r\n' % number
+
+    form_, _, numbered = form.partition(" ")
+    device, connection = linked(form=form_, timeout_s=0.3, numbered=bool(numbered))
+    given = {"start": np.zeros(6), "ask": "free it", "actuate": np.zeros(2), "follow": 0.02}
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        first = Status(partial(getattr(device, asked), given[asked]))
+        question = stream.readline()
+        assert numbered or question.startswith((b'{"do": "' + asked.encode(), asked.encode()))
+        if asked in ("start", "actuate"):  # the others wait for longer
+            assert "no answer within 0.3 s" in str(first.exception(5.0))
+        stop = Status(device.stop)
+        own = answer(stream.readline())
+        if numbered:
+            stream.write(b"[INFO] homing\r\n99,ok\r\n" + b'{"ok": true, "id": 2}\r\n')
+        stream.write(own if lost else answer(question) + own)
+        heard = str(stop.exception(5.0))
+    device.close()
+    assert heard == "None" if numbered or not lost else "no answer within 0.3 s" in heard
 
 
 def test_a_class_of_one_s_own_is_found_by_its_entry_point(
@@ -668,3 +700,29 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     assert "bench.toml [mover]: the device cannot be reached" in refused.stderr
     assert not (tmp_path / "data.csv").exists()
     assert ecm.read_table(tmp_path / "plan.csv", need="predict") is not None
+
+
+def test_a_second_interruption_says_that_the_mover_may_still_move(tmp_path: Path) -> None:
+    plan_of().write(tmp_path / "plan.csv")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        link = f'device = "line"\naddress = "127.0.0.1:{listener.getsockname()[1]}"\n'
+        tables = '[rig]\noffset_compensation = "none"\n' + "".join(
+            f"[{part}]\n{link}" for part in PARTS[:3]
+        )
+        (tmp_path / "bench.toml").write_text(tables)
+        command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
+        process = subprocess.Popen(
+            [*command, "--out", "data.csv", "--yes"], cwd=tmp_path, stderr=subprocess.PIPE
+        )
+        connection, _ = listener.accept()
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        assert b"start" in stream.readline()  # which nobody answers, as the stop
+        process.send_signal(signal.SIGINT)
+        assert b"stop" in stream.readline()
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=10.0)[1].decode().splitlines()
+    assert process.returncode == 130
+    assert said[-1] == (
+        "Interrupted; finished readings are kept. The same command goes on there. THE MOVER HAS NOT "
+        "ANSWERED THE STOP (it may still move: stop it at the rig)."
+    )

@@ -142,7 +142,7 @@ class _Mover:
         """Whether it rests after a stop."""
         if self.over:
             return "The mover was stopped"
-        return "THE MOVER HAS NOT ANSWERED THE STOP (look at the rig)"
+        return "THE MOVER HAS NOT ANSWERED THE STOP (it may still move: stop it at the rig)"
 
 
 @dataclass(frozen=True)

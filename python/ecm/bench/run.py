@@ -29,6 +29,7 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.events import told_beside
 from ecm.io.extras import require
+from ecm.io.interrupts import telling
 from ecm.io.table import Table
 from ecm.rig.plan import OFFSET, requests, rest_pose, split_by_limits, tell_begun
 from ecm.rig.plan import POSE as AT_POSE
@@ -318,27 +319,29 @@ def _drive(
     # Its errors are raised here and told once.
     logging.getLogger("bluesky").addHandler(logging.NullHandler())
     engine = engine_of({}, context_managers=[])
-    # In a thread, so that Ctrl-C is raised here and stops the mover, whatever the engine does.
-    work = Status(lambda: engine(messages.rows(first)))
-    try:
-        while not work.done:
-            with suppress(TimeoutError):
-                work.exception(0.1)
-        error = work.exception()
-        if error is not None:
-            messages.mover.stop()
-            raise _told_error(error, run, messages.mover.words()) from error
-    except KeyboardInterrupt:
-        stopping = Status(messages.mover.stop)
-        messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
-        stopping.exception(None)
-        messages.told(messages.mover.words())
-        with suppress(TimeoutError):
-            work.exception(_ENDS_S)
-        raise
-    finally:
+    work = None
+    with ExitStack() as ends:
         for device in {id(device): device for device in devices.values()}.values():
-            closed(device)
+            ends.callback(closed, device)
+        ends.enter_context(telling(lambda: f" {messages.mover.words()}."))
+        try:
+            # In a thread, so that Ctrl-C is raised here and stops the mover, whatever it does.
+            work = Status(lambda: engine(messages.rows(first)))
+            while not work.done:
+                with suppress(TimeoutError):
+                    work.exception(0.1)
+            error = work.exception()
+            if error is not None:
+                messages.mover.stop()
+                raise _told_error(error, run, messages.mover.words()) from error
+        except KeyboardInterrupt:
+            stopping = Status(messages.mover.stop)
+            messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
+            stopping.exception(None)
+            messages.told(messages.mover.words())
+            with suppress(TimeoutError):
+                work is None or work.exception(_ENDS_S)
+            raise
 
 
 def _told_error(error: BaseException, run: Run, stop: str) -> BaseException:
