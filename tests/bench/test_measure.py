@@ -304,15 +304,18 @@ def test_a_sensor_at_its_range_is_told_at_that_row(tmp_path: Path) -> None:
     assert any("the sensor is at its range along fy_N" in words for words in table.warnings)
 
 
-@pytest.mark.parametrize(("part", "visit"), [("wrench", 7), ("pose", 15)])  # of 6, and of 2 columns
+@pytest.mark.parametrize(
+    ("part", "visit", "zero"),
+    [("wrench", 7, False), ("pose", 15, False), ("wrench", 8, True)],  # of 6, and of 2 columns
+)
 def test_an_instrument_that_stands_still_is_told_once(
-    tmp_path: Path, part: str, visit: int
+    tmp_path: Path, part: str, visit: int, zero: bool
 ) -> None:
     rig = Rig()
     read, kept = getattr(rig, part), list[Any]()
 
     def stale(window_s: float) -> Any:
-        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1])
+        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1] * (not zero))
         return kept[-1]
 
     setattr(rig, part, stale)
@@ -723,6 +726,6 @@ def test_a_second_interruption_says_that_the_mover_may_still_move(tmp_path: Path
         said = process.communicate(timeout=10.0)[1].decode().splitlines()
     assert process.returncode == 130
     assert said[-1] == (
-        "Interrupted; finished readings are kept. The same command goes on there. THE MOVER HAS NOT "
-        "ANSWERED THE STOP (it may still move: stop it at the rig)."
+        "Interrupted; finished readings are kept. The same command goes on there. THE MOVER HAS "
+        "NOT ANSWERED THE STOP (it may still move: stop it at the rig)."
     )
