@@ -253,6 +253,26 @@ def test_a_sensor_that_falls_silent_stops_the_mover_and_the_run_goes_on_later(
     assert np.abs(table.wrenches[at] - whole.wrenches).max() < 0.1
 
 
+def test_readings_are_in_the_order_of_time_where_the_clock_is_set_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter(np.arange(2e9, 1e9, -60.0))
+    monkeypatch.setattr(time, "time", lambda: float(next(clock)))
+    rig, out = Rig(), tmp_path / "data.csv"
+    rig.silent_from = 5
+    with pytest.raises(DeviceError, match=r"with --minutes 0 it writes the table of them"):
+        run(plan_of(), rig, out)
+    journal = tmp_path / "data.journal.csv"
+    kept = journal.read_text()
+    part = measure(plan_of(), bench_of(), out, devices={}, say=unsaid, minutes=0.0)
+    assert part.text("kind").tolist() == ["pose"] * 4
+    out.unlink()
+    journal.write_text(kept)
+    table = run(plan_of(), Rig(), out)
+    assert len(table) == 13
+    assert (np.diff(table.column("time_s")) > 0.0).all()
+
+
 def test_another_plan_does_not_go_on_in_this_journal(tmp_path: Path) -> None:
     rig = Rig()
     rig.silent_from = 3
@@ -576,6 +596,22 @@ def test_a_late_answer_is_not_that_of_the_stop(form: str, asked: str, lost: bool
         heard = str(stop.exception(5.0))
     device.close()
     assert heard == "None" if numbered or not lost else "no answer within 0.3 s" in heard
+
+
+def test_a_stop_comes_through_a_new_connection_where_the_old_one_was_cut() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        device = opened("line", {"address": address, "timeout_s": 2.0}, "bench")
+        moving = Status(lambda: device.start(np.zeros(6)))
+        with listener.accept()[0] as cut:
+            assert b"start" in cut.recv(100)
+        assert "the connection was closed" in str(moving.exception(5.0))
+        stop = Status(device.stop)
+        with listener.accept()[0] as again:
+            assert again.recv(100) == b'{"do": "stop"}\n'
+            again.sendall(b'{"ok": true}\n')
+            assert stop.exception(5.0) is None
+    device.close()
 
 
 def test_a_class_of_one_s_own_is_found_by_its_entry_point(

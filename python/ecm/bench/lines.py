@@ -43,13 +43,21 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.devices import DeviceError
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 
 _KEYS = {"settled": "settled", "wrench": "samples", "pose": "mean"}
 _KEYS |= {"temperature": "degC", "actuation": "values"}
 """What tells the answer to a question from one to `stop`."""
+
+
+_AGAIN_S = 0.1
+"""Time after which a connection that was cut is tried again."""
+
+
+class _Cut(DeviceError):
+    """The connection was closed from the other side, or its plug was pulled."""
 
 
 class LineDevice:
@@ -82,24 +90,25 @@ class LineDevice:
         if form not in ("json", "csv"):
             raise InputError(f"form = '{form}': expected json or csv")
         self._csv, self._numbered, self._address = form == "csv", numbered, address
-        self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
+        self._timeout_s, self._lock = timeout_s, threading.Lock()
         # From elsewhere: a serial port may still bring an answer to an earlier run.
         self._number, self._writing = numbered * secrets.randbelow(2**20), threading.Lock()
         self._owed = dict[int, str]()
         """Questions without an answer by their numbers, those that were given up included."""
         self._heard = dict[int, dict[str, Any]]()
         """Answers that nobody has taken yet, by the same numbers."""
-        self._aside = ""
-        self._link: Any
+        self._aside, self._baud = "", baud
+        self._link = self._connected()
+
+    def _connected(self) -> Any:
+        self._rest, address = b"", self._address
         host, colon, port = address.rpartition(":")
         if colon and port.isdigit():
-            self._link = socket.create_connection((host, int(port)), timeout=timeout_s)
-        elif os.path.exists(address):
+            return socket.create_connection((host, int(port)), timeout=self._timeout_s)
+        if os.path.exists(address):
             serial = require("serial", "measure", f"The serial port {address}")
-            self._link = serial.Serial(address, baud, timeout=0)
-        else:
-            raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
-        self._fd = self._link.fileno()
+            return serial.Serial(address, self._baud, timeout=0)
+        raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
 
     def start(self, pose: F) -> None:
         """Begin to move to a pose (6,)."""
@@ -110,10 +119,24 @@ class LineDevice:
         return bool(self._ask({"do": "settled"})["settled"])
 
     def stop(self) -> None:
-        """Stop at once, whatever else is waited for."""
-        number = self._write({"do": "stop"})
-        with self._lock:
-            self._read(number, "stop")
+        """Stop at once, whatever else is waited for; anew where the connection was cut."""
+        until_s = time.monotonic() + self._timeout_s
+        while True:
+            link = self._link
+            try:
+                number = self._write({"do": "stop"})
+                with self._lock:
+                    self._read(number, "stop")
+                return
+            except (OSError, _Cut):
+                if time.monotonic() > until_s:
+                    raise
+            time.sleep(_AGAIN_S)
+            with self._lock, suppress(OSError, EcmError):
+                if self._link is link:
+                    self._link = self._connected()
+                    link.close()
+                    self._owed.clear()
 
     def wrench(self, window_s: float) -> F:
         """Samples (n, 6) over a window, in sensor axes."""
@@ -150,7 +173,7 @@ class LineDevice:
 
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            come = self._rest or select.select([self._fd], [], [], 0.0)[0]
+            come = self._rest or select.select([self._link], [], [], 0.0)[0]
             if come and not self._owed and not self._numbered:
                 # All later answers would be those of the question before.
                 line = self._line(time.monotonic() + self._timeout_s)
@@ -166,7 +189,7 @@ class LineDevice:
             self._owed[self._number] = question["do"]
             line = {"id": self._number} | question if self._numbered else question
             text = _csv_line(line) if self._csv else json.dumps(line)
-            os.write(self._fd, text.encode() + b"\n")
+            os.write(self._link.fileno(), text.encode() + b"\n")
             return self._number
 
     def _read(self, number: int, do: str, more_s: float = 0.0) -> dict[str, Any]:
@@ -207,13 +230,16 @@ class LineDevice:
     def _line(self, until_s: float) -> bytes:
         while b"\n" not in self._rest:
             left = until_s - time.monotonic()
-            if left <= 0.0 or not select.select([self._fd], [], [], left)[0]:
+            if left <= 0.0 or not select.select([self._link], [], [], left)[0]:
                 raise DeviceError(
                     f"{self._address}: no answer within {self._timeout_s:g} s{self._aside}"
                 )
-            more = os.read(self._fd, 65536)
+            try:
+                more = os.read(self._link.fileno(), 65536)
+            except OSError:
+                more = b""
             if not more:
-                raise DeviceError(f"{self._address}: the connection was closed")
+                raise _Cut(f"{self._address}: the connection was closed")
             self._rest += more
         line, _, self._rest = self._rest.partition(b"\n")
         return line

@@ -190,7 +190,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     out
         Table to write, NAME.csv; every reading is in NAME.journal.csv before the next move.
     minutes
-        No pose is begun after this time.
+        No pose is begun after this time. 0 asks no device: the readings so far become the table.
     model
         A model of pose and wrench: `progress` says how far each row is from it.
     until
@@ -282,7 +282,9 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
                 progress(taken.number + 1, run.total, run.words(taken))
             return findings
 
-        if not run.taken or run.taken[-1].row != THE_END:
+        # Also of a rig that is broken for good, or of a plan with a pose that it cannot reach.
+        ended = run.taken and (minutes == 0.0 or run.taken[-1].row == THE_END)
+        if not ended:
             parts = bench.open() if devices is None else devices
             sample = None if samples is None else samples.append
             _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
@@ -356,7 +358,7 @@ def _told_error(error: BaseException, run: Run, stop: str) -> BaseException:
     visit = run.taken[-1].number + 2 if run.taken else 1
     return kind(
         f"stopped at visit {visit}: {words}. {stop}, and {len(run.taken)} readings are kept; the "
-        "same command goes on there"
+        "same command goes on there, and with --minutes 0 it writes the table of them"
     )
 
 
