@@ -492,6 +492,24 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
         opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
 
 
+@pytest.mark.parametrize(
+    ("asked", "told", "said"),
+    [
+        ("settled", '{"ok": true, "settled": "false"}', r"settled \(true or false\)"),
+        ("stop", '{"ok": "no"}', r"expected a JSON object with ok \(true or false\)"),
+        ("wrench", '{"ok": true, "samples": [[1, 2, 3]]}', r"0\.1:\d+: the answer has no samples"),
+    ],
+)
+def test_an_answer_of_another_form_is_refused(asked: str, told: str, said: str) -> None:
+    device, connection = linked()
+    answer = Status(partial(getattr(device, asked), *[0.1] * (asked == "wrench")))
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        stream.readline()
+        stream.write(f"{told}\n".encode())
+        assert re.search(said, str(answer.exception(5.0)))
+    device.close()
+
+
 def linked(**settings: Any) -> tuple[Any, socket.socket]:
     """A device behind lines, and the other end."""
     with socket.create_server(("127.0.0.1", 0)) as listener:

@@ -140,12 +140,12 @@ class LineDevice:
 
     def wrench(self, window_s: float) -> F:
         """Samples (n, 6) over a window, in sensor axes."""
-        return _matrix(self._ask({"do": "wrench", "window_s": window_s}, window_s), "samples")
+        return self._six(self._ask({"do": "wrench", "window_s": window_s}, window_s), "samples")
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Mean and standard deviation (6,) of the pose over a window."""
         answer = self._ask({"do": "pose", "window_s": window_s}, window_s)
-        return _matrix(answer, "mean"), _matrix(answer, "sd")
+        return self._six(answer, "mean"), self._six(answer, "sd")
 
     def temperature(self) -> float:
         """Temperature of the mechanism, degrees Celsius."""
@@ -171,6 +171,15 @@ class LineDevice:
         """Close the connection."""
         self._link.close()
 
+    def _six(self, answer: dict[str, Any], key: str) -> F:
+        try:
+            numbers = np.asarray(answer[key], dtype=np.float64)
+        except (KeyError, TypeError, ValueError):
+            numbers = np.empty(0)
+        if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
+            raise DeviceError(f"{self._address}: the answer has no {key} of six finite numbers")
+        return numbers
+
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
             come = self._rest or select.select([self._link], [], [], 0.0)[0]
@@ -194,7 +203,8 @@ class LineDevice:
 
     def _read(self, number: int, do: str, more_s: float = 0.0) -> dict[str, Any]:
         until_s, key = time.monotonic() + self._timeout_s + more_s, _KEYS.get(do, "ok")
-        expected = "ok or error, then numbers" if self._csv else f"a JSON object with {key}"
+        shown = key + " (true or false)" * (key in ("ok", "settled"))
+        expected = "ok or error, then numbers" if self._csv else f"a JSON object with {shown}"
         while number not in self._heard:
             line = self._line(until_s)
             own, answer = self._matched(line.decode(errors="replace"))
@@ -222,6 +232,8 @@ class LineDevice:
                 answer = _csv_answer(do, text, self._numbered) if self._csv else json.loads(text)
                 if self._numbered and int(answer["id"]) != number:
                     continue
+                if not {answer["ok"], answer.get("settled", 0)} <= {0, 1}:
+                    continue  # "false" in quotes would be true
                 bare = answer.keys().isdisjoint(_KEYS.values())
                 if not answer["ok"] or (bare if do == "stop" else _KEYS.get(do, "ok") in answer):
                     return number, dict(answer)
@@ -282,16 +294,6 @@ def _csv_answer(do: str, line: str, numbered: bool) -> dict[str, Any]:
         "sd": numbers[6:],
         "values": numbers,
     }
-
-
-def _matrix(answer: dict[str, Any], key: str) -> F:
-    try:
-        numbers = np.asarray(answer[key], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
-        raise DeviceError(f"the answer has no {key} of six finite numbers")
-    return numbers
 
 
 _RDT_PORT = 49152
