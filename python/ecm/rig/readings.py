@@ -159,7 +159,7 @@ class Journal:
             raise InputError(
                 f"{self.path}: this is the journal of another campaign (other plan, rig, seed or "
                 "hidden effect), whose readings are in no table yet. Choose another --out, or run "
-                "the command that began it"
+                "the command of that campaign again"
             )
         names = self._head.splitlines()[1].split(",")
         lines = complete[len(self._head) :].splitlines()
