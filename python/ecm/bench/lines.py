@@ -211,7 +211,7 @@ class LineDevice:
             if not own:
                 wrong = f"answered `{line[:60]!r}`, expected {expected}"
                 if self._numbered:
-                    self._aside = f"; it {wrong}, and the id that was sent"
+                    self._aside = f"; it {wrong}, and the same id"
                     continue
                 self._owed.pop(number, None)
                 raise DeviceError(f"{self._address}: {wrong}")
