@@ -9,8 +9,9 @@ crates all lines count, without those of tests, benches and examples.
 
 from __future__ import annotations
 
+import argparse
 import ast
-import sys
+import signal
 import tokenize
 from collections import defaultdict
 from collections.abc import Iterator
@@ -76,7 +77,13 @@ def by_folder(part: str) -> dict[str, tuple[int, int]]:
 
 def main() -> None:
     """Print the table."""
-    rows = by_folder(sys.argv[1]) if len(sys.argv) > 1 else {p: size_of(p) for p in PARTS}
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` has read enough
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=layout)
+    parser.add_argument("part", nargs="?", choices=PARTS, help="show its folders")
+    part = parser.parse_args().part
+    rows = by_folder(part) if part else {name: size_of(name) for name in PARTS}
     for name, (lines, files) in rows.items():
         print(f"{name:40s} {lines:7,d} lines in {files:3d} files")
 

@@ -253,6 +253,26 @@ def test_a_sensor_that_falls_silent_stops_the_mover_and_the_run_goes_on_later(
     assert np.abs(table.wrenches[at] - whole.wrenches).max() < 0.1
 
 
+def test_readings_are_in_the_order_of_time_where_the_clock_is_set_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter(np.arange(2e9, 1e9, -60.0))
+    monkeypatch.setattr(time, "time", lambda: float(next(clock)))
+    rig, out = Rig(), tmp_path / "data.csv"
+    rig.silent_from = 5
+    with pytest.raises(DeviceError, match=r"with --minutes 0 it writes the table of them"):
+        run(plan_of(), rig, out)
+    journal = tmp_path / "data.journal.csv"
+    kept = journal.read_text()
+    part = measure(plan_of(), bench_of(), out, devices={}, say=unsaid, minutes=0.0)
+    assert part.text("kind").tolist() == ["pose"] * 4
+    out.unlink()
+    journal.write_text(kept)
+    table = run(plan_of(), Rig(), out)
+    assert len(table) == 13
+    assert (np.diff(table.column("time_s")) > 0.0).all()
+
+
 def test_another_plan_does_not_go_on_in_this_journal(tmp_path: Path) -> None:
     rig = Rig()
     rig.silent_from = 3
@@ -304,15 +324,18 @@ def test_a_sensor_at_its_range_is_told_at_that_row(tmp_path: Path) -> None:
     assert any("the sensor is at its range along fy_N" in words for words in table.warnings)
 
 
-@pytest.mark.parametrize(("part", "visit"), [("wrench", 7), ("pose", 15)])  # of 6, and of 2 columns
+@pytest.mark.parametrize(
+    ("part", "visit", "zero"),
+    [("wrench", 7, False), ("pose", 15, False), ("wrench", 8, True)],  # of 6, and of 2 columns
+)
 def test_an_instrument_that_stands_still_is_told_once(
-    tmp_path: Path, part: str, visit: int
+    tmp_path: Path, part: str, visit: int, zero: bool
 ) -> None:
     rig = Rig()
     read, kept = getattr(rig, part), list[Any]()
 
     def stale(window_s: float) -> Any:
-        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1])
+        kept.append(read(window_s) if rig.told.count("start") < 4 else kept[-1] * (not zero))
         return kept[-1]
 
     setattr(rig, part, stale)
@@ -469,10 +492,36 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
         opened("line", {"address": "/dev/nothing"}, "bench.toml [mover]")
 
 
-def test_an_answer_to_no_question_stops_the_run() -> None:
+@pytest.mark.parametrize(
+    ("asked", "told", "said"),
+    [
+        ("settled", '{"ok": true, "settled": "false"}', r"settled \(true or false\)"),
+        ("stop", '{"ok": "no"}', r"expected a JSON object with ok \(true or false\)"),
+        ("wrench", '{"ok": true, "samples": [[1, 2, 3]]}', r"0\.1:\d+: the answer has no samples"),
+    ],
+)
+def test_an_answer_of_another_form_is_refused(asked: str, told: str, said: str) -> None:
+    device, connection = linked()
+    answer = Status(partial(getattr(device, asked), *[0.1] * (asked == "wrench")))
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        stream.readline()
+        stream.write(f"{told}\n".encode())
+        assert re.search(said, str(answer.exception(5.0)))
+    device.close()
+
+
+def linked(**settings: Any) -> tuple[Any, socket.socket]:
+    """A device behind lines, and the other end."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        device = opened("line", {"address": f"127.0.0.1:{listener.getsockname()[1]}"}, "bench")
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        device = opened("line", {"address": address} | settings, "bench")
         connection, _ = listener.accept()
+    connection.settimeout(5.0)
+    return device, connection
+
+
+def test_an_answer_to_no_question_stops_the_run() -> None:
+    device, connection = linked()
     with connection:
         connection.sendall(b'{"ok": true, "degC": 20.0}\n')  # later answers would be one late
         with pytest.raises(DeviceError, match=r"degC.: 20\.0}'` came before `temperature`, and n"):
@@ -522,16 +571,11 @@ POSE_TOLD = f'{{"ok": true, "mean": {[0.0] * 6}, "sd": {[0.0] * 6}}}'
 def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
     form: str, answers: list[str], said: str
 ) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        address = f"127.0.0.1:{listener.getsockname()[1]}"
-        settings = {"form": "json" if form == "late" else form, "timeout_s": 0.5}
-        device = opened("line", {"address": address} | settings, "bench")
-        connection, _ = listener.accept()
+    device, connection = linked(form="json" if form == "late" else form, timeout_s=0.5)
     with connection, connection.makefile("rwb") as stream:
         calls = []
         for call, word in ((partial(device.pose, 0.1), b"pose"), (device.stop, b"stop")):
             calls.append(Status(call))
-            connection.settimeout(5.0)
             assert word in stream.readline()
             if form == "late":
                 calls[0].exception(5.0)
@@ -541,6 +585,51 @@ def test_a_stop_does_not_wait_for_another_question_and_knows_its_own_answer(
     device.close()
     assert said in str(heard[0])
     assert (heard[1] is None) == (answers[-1:] in (['{"ok": true}'], ["ok"]))
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize("form", ["json", "csv", "json numbered", "csv numbered"])
+@pytest.mark.parametrize("asked", ["start", "ask", "actuate", "follow"])
+def test_a_late_answer_is_not_that_of_the_stop(form: str, asked: str, lost: bool) -> None:
+    def answer(line: bytes) -> bytes:
+        number = (re.findall(rb"\d+", line) or [b""])[0]
+        if form.startswith("csv"):
+            return b"ok\r\n" if form == "csv" else number + b",ok\r\n"
+        return b'{"ok": true}\r\n' if form == "json" else b'{"ok": true, "id": %b}\r\n' % number
+
+    form_, _, numbered = form.partition(" ")
+    device, connection = linked(form=form_, timeout_s=0.3, numbered=bool(numbered))
+    given = {"start": np.zeros(6), "ask": "free it", "actuate": np.zeros(2), "follow": 0.02}
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        first = Status(partial(getattr(device, asked), given[asked]))
+        question = stream.readline()
+        assert numbered or question.startswith((b'{"do": "' + asked.encode(), asked.encode()))
+        if asked in ("start", "actuate"):  # the others wait for longer
+            assert "no answer within 0.3 s" in str(first.exception(5.0))
+        stop = Status(device.stop)
+        own = answer(stream.readline())
+        if numbered:
+            stream.write(b"[INFO] homing\r\n99,ok\r\n" + b'{"ok": true, "id": 2}\r\n')
+        stream.write(own if lost else answer(question) + own)
+        heard = str(stop.exception(5.0))
+    device.close()
+    assert heard == "None" if numbered or not lost else "no answer within 0.3 s" in heard
+
+
+def test_a_stop_comes_through_a_new_connection_where_the_old_one_was_cut() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        device = opened("line", {"address": address, "timeout_s": 2.0}, "bench")
+        moving = Status(lambda: device.start(np.zeros(6)))
+        with listener.accept()[0] as cut:
+            assert b"start" in cut.recv(100)
+        assert "the connection was closed" in str(moving.exception(5.0))
+        stop = Status(device.stop)
+        with listener.accept()[0] as again:
+            assert again.recv(100) == b'{"do": "stop"}\n'
+            again.sendall(b'{"ok": true}\n')
+            assert stop.exception(5.0) is None
+    device.close()
 
 
 def test_a_class_of_one_s_own_is_found_by_its_entry_point(
@@ -668,3 +757,29 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     assert "bench.toml [mover]: the device cannot be reached" in refused.stderr
     assert not (tmp_path / "data.csv").exists()
     assert ecm.read_table(tmp_path / "plan.csv", need="predict") is not None
+
+
+def test_a_second_interruption_says_that_the_mover_may_still_move(tmp_path: Path) -> None:
+    plan_of().write(tmp_path / "plan.csv")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        link = f'device = "line"\naddress = "127.0.0.1:{listener.getsockname()[1]}"\n'
+        tables = '[rig]\noffset_compensation = "none"\n' + "".join(
+            f"[{part}]\n{link}" for part in PARTS[:3]
+        )
+        (tmp_path / "bench.toml").write_text(tables)
+        command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
+        process = subprocess.Popen(
+            [*command, "--out", "data.csv", "--yes"], cwd=tmp_path, stderr=subprocess.PIPE
+        )
+        connection, _ = listener.accept()
+    with connection, connection.makefile("rwb", buffering=0) as stream:
+        assert b"start" in stream.readline()  # which nobody answers, as the stop
+        process.send_signal(signal.SIGINT)
+        assert b"stop" in stream.readline()
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=10.0)[1].decode().splitlines()
+    assert process.returncode == 130
+    assert said[-1] == (
+        "Interrupted; finished readings are kept. The same command goes on there. THE MOVER HAS "
+        "NOT ANSWERED THE STOP (it may still move: stop it at the rig)."
+    )

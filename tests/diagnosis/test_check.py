@@ -52,6 +52,11 @@ def test_what_is_never_excited_is_said() -> None:
     found = check(table)
     assert "The z torque (tau_z_Nm) is never excited" in " ".join(found.sentences())
     assert found.zero_columns == ("tau_z_Nm",)
+    dead = table.with_columns(dict.fromkeys(WRENCH, np.zeros(len(table))))
+    said = "the wrench is exactly 0 in every row, and the poses vary: is the sensor dead"
+    assert said in " ".join(check(dead).warnings)
+    driven = dead.with_columns({"pressure_1_Pa": np.arange(len(table), dtype=float)})
+    assert said not in " ".join(check(driven).warnings)
     # Of a known length the forces are enough for what does not follow from the torque.
     assert {"payload", "contact_stop"} <= set(found.testable)
     assert set(check(as_table(columns)).testable) == {"kink", "dead_zone", "higher_degree"}

@@ -20,29 +20,44 @@ One line asks, one line answers, each a JSON object:
     wrench,0.2            ->  ok,fx,fy,fz,tx,ty,tz,fx,...
     pose,0.2              ->  ok,mean of six,sd of six
     ask,words             ->  error,words
+
+With numbered = true each question has a number, which its answer repeats:
+
+    {"id": 7, "do": "stop"}   ->  {"id": 7, "ok": true}
+    7,stop                    ->  7,ok
 """
 
 from __future__ import annotations
 
 import json
 import os
+import secrets
 import select
 import socket
 import struct
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from ecm.bench.devices import DeviceError
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 
 _KEYS = {"settled": "settled", "wrench": "samples", "pose": "mean"}
 _KEYS |= {"temperature": "degC", "actuation": "values"}
 """What tells the answer to a question from one to `stop`."""
+
+
+_AGAIN_S = 0.1
+"""Time after which a connection that was cut is tried again."""
+
+
+class _Cut(DeviceError):
+    """The connection was closed from the other side, or its plug was pulled."""
 
 
 class LineDevice:
@@ -58,27 +73,42 @@ class LineDevice:
         Speed of the serial port.
     timeout_s
         Longest silence, beyond the window of a reading.
+    numbered
+        Whether a question has a number that its answer repeats. Other lines are passed over then.
+        Without it each line is an answer, and they come in the order of the questions.
     """
 
     def __init__(
-        self, address: str, *, form: str = "json", baud: int = 115200, timeout_s: float = 5.0
+        self,
+        address: str,
+        *,
+        form: str = "json",
+        baud: int = 115200,
+        timeout_s: float = 5.0,
+        numbered: bool = False,
     ) -> None:
         if form not in ("json", "csv"):
             raise InputError(f"form = '{form}': expected json or csv")
-        self._csv = form == "csv"
-        self._timeout_s, self._lock, self._rest = timeout_s, threading.Lock(), b""
-        self._stopping = False
-        self._address = address
-        self._link: Any
+        self._csv, self._numbered, self._address = form == "csv", numbered, address
+        self._timeout_s, self._lock = timeout_s, threading.Lock()
+        # From elsewhere: a serial port may still bring an answer to an earlier run.
+        self._number, self._writing = numbered * secrets.randbelow(2**20), threading.Lock()
+        self._owed = dict[int, str]()
+        """Questions without an answer by their numbers, those that were given up included."""
+        self._heard = dict[int, dict[str, Any]]()
+        """Answers that nobody has taken yet, by the same numbers."""
+        self._aside, self._baud = "", baud
+        self._link = self._connected()
+
+    def _connected(self) -> Any:
+        self._rest, address = b"", self._address
         host, colon, port = address.rpartition(":")
         if colon and port.isdigit():
-            self._link = socket.create_connection((host, int(port)), timeout=timeout_s)
-        elif os.path.exists(address):
+            return socket.create_connection((host, int(port)), timeout=self._timeout_s)
+        if os.path.exists(address):
             serial = require("serial", "measure", f"The serial port {address}")
-            self._link = serial.Serial(address, baud, timeout=0)
-        else:
-            raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
-        self._fd = self._link.fileno()
+            return serial.Serial(address, self._baud, timeout=0)
+        raise InputError(f"address = '{address}': expected HOST:PORT or a serial port")
 
     def start(self, pose: F) -> None:
         """Begin to move to a pose (6,)."""
@@ -89,21 +119,33 @@ class LineDevice:
         return bool(self._ask({"do": "settled"})["settled"])
 
     def stop(self) -> None:
-        """Stop at once, whatever else is waited for: the answers come in the order of questions."""
-        self._stopping = True
-        self._write({"do": "stop"})
-        with self._lock:
-            self._stopping = False
-            self._read("stop")
+        """Stop at once, whatever else is waited for; anew where the connection was cut."""
+        until_s = time.monotonic() + self._timeout_s
+        while True:
+            link = self._link
+            try:
+                number = self._write({"do": "stop"})
+                with self._lock:
+                    self._read(number, "stop")
+                return
+            except (OSError, _Cut):
+                if time.monotonic() > until_s:
+                    raise
+            time.sleep(_AGAIN_S)
+            with self._lock, suppress(OSError, EcmError):
+                if self._link is link:
+                    self._link = self._connected()
+                    link.close()
+                    self._owed.clear()
 
     def wrench(self, window_s: float) -> F:
         """Samples (n, 6) over a window, in sensor axes."""
-        return _matrix(self._ask({"do": "wrench", "window_s": window_s}, window_s), "samples")
+        return self._six(self._ask({"do": "wrench", "window_s": window_s}, window_s), "samples")
 
     def pose(self, window_s: float) -> tuple[F, F]:
         """Mean and standard deviation (6,) of the pose over a window."""
         answer = self._ask({"do": "pose", "window_s": window_s}, window_s)
-        return _matrix(answer, "mean"), _matrix(answer, "sd")
+        return self._six(answer, "mean"), self._six(answer, "sd")
 
     def temperature(self) -> float:
         """Temperature of the mechanism, degrees Celsius."""
@@ -129,54 +171,87 @@ class LineDevice:
         """Close the connection."""
         self._link.close()
 
+    def _six(self, answer: dict[str, Any], key: str) -> F:
+        try:
+            numbers = np.asarray(answer[key], dtype=np.float64)
+        except (KeyError, TypeError, ValueError):
+            numbers = np.empty(0)
+        if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
+            raise DeviceError(f"{self._address}: the answer has no {key} of six finite numbers")
+        return numbers
+
     def _ask(self, question: dict[str, Any], more_s: float = 0.0) -> dict[str, Any]:
         with self._lock:
-            come = self._rest or select.select([self._fd], [], [], 0.0)[0]
-            if come and not self._stopping:
+            come = self._rest or select.select([self._link], [], [], 0.0)[0]
+            if come and not self._owed and not self._numbered:
                 # All later answers would be those of the question before.
                 line = self._line(time.monotonic() + self._timeout_s)
                 raise DeviceError(
                     f"{self._address}: `{line[:60]!r}` came before `{question['do']}`, and nobody "
                     "asked for it: expected one answer to each line"
                 )
-            self._write(question)
-            return self._read(question["do"], more_s)
+            return self._read(self._write(question), question["do"], more_s)
 
-    def _write(self, question: dict[str, Any]) -> None:
-        text = _csv_line(question) if self._csv else json.dumps(question)
-        os.write(self._fd, text.encode() + b"\n")
+    def _write(self, question: dict[str, Any]) -> int:
+        with self._writing:  # lines are in the order of their numbers
+            self._number += 1
+            self._owed[self._number] = question["do"]
+            line = {"id": self._number} | question if self._numbered else question
+            text = _csv_line(line) if self._csv else json.dumps(line)
+            os.write(self._link.fileno(), text.encode() + b"\n")
+            return self._number
 
-    def _read(self, do: str, more_s: float = 0.0) -> dict[str, Any]:
+    def _read(self, number: int, do: str, more_s: float = 0.0) -> dict[str, Any]:
         until_s, key = time.monotonic() + self._timeout_s + more_s, _KEYS.get(do, "ok")
-        answer: Any
-        while True:
+        shown = key + " (true or false)" * (key in ("ok", "settled"))
+        expected = "ok or error, then numbers" if self._csv else f"a JSON object with {shown}"
+        while number not in self._heard:
             line = self._line(until_s)
-            try:
-                answer = _csv_answer(do, line.decode()) if self._csv else json.loads(line)
-                good = isinstance(answer, dict) and (not answer["ok"] or key in answer)
-            except (ValueError, LookupError):
-                answer, good = None, False
-            # What was asked before a stop may be answered late.
-            if do != "stop" or not good or answer.keys().isdisjoint(_KEYS.values()):
-                break
-        if not good and self._stopping and isinstance(answer, dict):
-            self._rest = line + b"\n" + self._rest  # for the stop, which waits behind this
-            raise DeviceError(f"{self._address}: no answer to `{do}`, and then one to `stop`")
-        if not good:
-            expected = "ok or error, then numbers" if self._csv else f"a JSON object with {key}"
-            raise DeviceError(f"{self._address}: answered `{line[:60]!r}`, expected {expected}")
+            own, answer = self._matched(line.decode(errors="replace"))
+            if not own:
+                wrong = f"answered `{line[:60]!r}`, expected {expected}"
+                if self._numbered:
+                    self._aside = f"; it {wrong}, and the same id"
+                    continue
+                self._owed.pop(number, None)
+                raise DeviceError(f"{self._address}: {wrong}")
+            self._heard[own] = answer
+            for passed in [asked for asked in self._owed if asked <= own]:
+                del self._owed[passed]
+            if own > number:
+                raise DeviceError(f"{self._address}: no answer to `{do}`, and then one to `stop`")
+        answer = self._heard.pop(number)
         if not answer["ok"]:
             raise DeviceError(f"{self._address}: {answer.get('error', 'refused without a reason')}")
-        return dict(answer)
+        return answer
+
+    def _matched(self, text: str) -> tuple[int, dict[str, Any]]:
+        """Number of the first question that a line answers, 0 where it answers none; the answer."""
+        for number, do in [*self._owed.items()]:
+            with suppress(ValueError, LookupError, TypeError):  # of another form
+                answer = _csv_answer(do, text, self._numbered) if self._csv else json.loads(text)
+                if self._numbered and int(answer["id"]) != number:
+                    continue
+                if not {answer["ok"], answer.get("settled", 0)} <= {0, 1}:
+                    continue  # "false" in quotes would be true
+                bare = answer.keys().isdisjoint(_KEYS.values())
+                if not answer["ok"] or (bare if do == "stop" else _KEYS.get(do, "ok") in answer):
+                    return number, dict(answer)
+        return 0, {}
 
     def _line(self, until_s: float) -> bytes:
         while b"\n" not in self._rest:
             left = until_s - time.monotonic()
-            if left <= 0.0 or not select.select([self._fd], [], [], left)[0]:
-                raise DeviceError(f"{self._address}: no answer within {self._timeout_s:g} s")
-            more = os.read(self._fd, 65536)
+            if left <= 0.0 or not select.select([self._link], [], [], left)[0]:
+                raise DeviceError(
+                    f"{self._address}: no answer within {self._timeout_s:g} s{self._aside}"
+                )
+            try:
+                more = os.read(self._link.fileno(), 65536)
+            except OSError:
+                more = b""
             if not more:
-                raise DeviceError(f"{self._address}: the connection was closed")
+                raise _Cut(f"{self._address}: the connection was closed")
             self._rest += more
         line, _, self._rest = self._rest.partition(b"\n")
         return line
@@ -194,8 +269,11 @@ def _csv_line(question: dict[str, Any]) -> str:
     return ",".join(str(cell) for part in values for cell in part)
 
 
-def _csv_answer(do: str, line: str) -> dict[str, Any]:
+def _csv_answer(do: str, line: str, numbered: bool) -> dict[str, Any]:
     """A line of CSV as the JSON object that it stands for."""
+    if numbered:
+        number, _, line = line.partition(",")
+        return {"id": number} | _csv_answer(do, line, False)
     word, *cells = line.strip().split(",")
     if word == "error":
         return {"ok": False, "error": ",".join(cells)}
@@ -216,16 +294,6 @@ def _csv_answer(do: str, line: str) -> dict[str, Any]:
         "sd": numbers[6:],
         "values": numbers,
     }
-
-
-def _matrix(answer: dict[str, Any], key: str) -> F:
-    try:
-        numbers = np.asarray(answer[key], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
-        raise DeviceError(f"the answer has no {key} of six finite numbers")
-    return numbers
 
 
 _RDT_PORT = 49152

@@ -17,7 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.events import tell
-from ecm.io.sanity import standing
+from ecm.io.sanity import EPOCH_S, standing
 from ecm.io.se3 import rotation, turn_wrench, wrench_adjoint
 from ecm.io.table import Table
 from ecm.rig.instruments import zero_at
@@ -42,8 +42,6 @@ _ROWS_OF_SLIP = 3
 """Latest rows whose mean tells that a marker has slipped."""
 _ROWS_COMPARED = 30
 """Rows before these that they are compared with."""
-_AN_EPOCH_S = 1e8
-"""A time stamp beyond it counts from 1970, not from the start of a run."""
 _GAUGE = 0.05
 """Share of the actuators' limits by which one may be off what was asked for."""
 _SATURATED = 0.999
@@ -281,6 +279,8 @@ class Run:
             np.stack([getattr(one.reading, name) for one in latest]) for name in ("pose", "sensor")
         )
         reach = np.ptp(self.poses, axis=0)
+        # A sensor without a load has noise: zeros in all that it measures are of one that is dead.
+        sensor[~sensor.any(axis=1)] = np.isin(WRENCH, self.bench.columns)
         return [
             f"the {part} is the same to the last digit at the last poses, which are far apart: "
             f"look whether [{part}] still reads"
@@ -322,7 +322,7 @@ class Run:
     def began_s(self) -> float:
         """What is taken off all times: they count from the first reading."""
         first = self.taken[0].time_s
-        return first if first > _AN_EPOCH_S else 0.0
+        return first if first > EPOCH_S else 0.0
 
     def columns(self, poses: F, wrenches: F) -> dict[str, Any]:
         """The columns of poses and wrenches (N, 6) that the rig measures."""

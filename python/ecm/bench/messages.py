@@ -78,9 +78,11 @@ def by_hand(devices: Mapping[str, Device], *parts: str) -> bool:
 class Clock:
     """The clock of the mover, where it has one of its own, or that of this machine."""
 
-    def __init__(self, mover: Device) -> None:
+    def __init__(self, mover: Device, last_s: float) -> None:
         self.own = hasattr(mover, "now")
         self._mover = mover
+        # A clock that is set back must not mix the readings: they come in the order of time.
+        self._from_s = max(time.time(), last_s) - time.monotonic()
 
     def passed(self) -> float:
         """Seconds that only grow."""
@@ -88,7 +90,7 @@ class Clock:
 
     def middle(self, window_s: float) -> float:
         """Time of the middle of a window that has just passed; a clock of its own stands there."""
-        return float(self._mover.now()) if self.own else time.time() - 0.5 * window_s
+        return self.passed() + (0.0 if self.own else self._from_s - 0.5 * window_s)
 
 
 class _Mover:
@@ -142,7 +144,7 @@ class _Mover:
         """Whether it rests after a stop."""
         if self.over:
             return "The mover was stopped"
-        return "THE MOVER HAS NOT ANSWERED THE STOP (look at the rig)"
+        return "THE MOVER HAS NOT ANSWERED THE STOP (it may still move: stop it at the rig)"
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,8 @@ class _Rig:
         self._run, self._devices, self._sample = run, devices, sample
         self.window_s = run.bench.procedure.window_s
         self.run_number = 0
-        self.clock = Clock(devices["mover"])
+        ended_s = run.taken[-1].time_s + self.window_s if run.taken else 0.0
+        self.clock = Clock(devices["mover"], ended_s)
         self.reading: Reading | None = None
         self.time_s = 0.0
         """Time of the middle of the reading's window."""

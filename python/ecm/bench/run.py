@@ -29,6 +29,7 @@ from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.events import told_beside
 from ecm.io.extras import require
+from ecm.io.interrupts import telling
 from ecm.io.table import Table
 from ecm.rig.plan import OFFSET, requests, rest_pose, split_by_limits, tell_begun
 from ecm.rig.plan import POSE as AT_POSE
@@ -189,7 +190,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     out
         Table to write, NAME.csv; every reading is in NAME.journal.csv before the next move.
     minutes
-        No pose is begun after this time.
+        No pose is begun after this time. 0 asks no device: the readings so far become the table.
     model
         A model of pose and wrench: `progress` says how far each row is from it.
     until
@@ -281,7 +282,9 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
                 progress(taken.number + 1, run.total, run.words(taken))
             return findings
 
-        if not run.taken or run.taken[-1].row != THE_END:
+        # Also of a rig that is broken for good, or of a plan with a pose that it cannot reach.
+        ended = run.taken and (minutes == 0.0 or run.taken[-1].row == THE_END)
+        if not ended:
             parts = bench.open() if devices is None else devices
             sample = None if samples is None else samples.append
             _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)
@@ -318,27 +321,29 @@ def _drive(
     # Its errors are raised here and told once.
     logging.getLogger("bluesky").addHandler(logging.NullHandler())
     engine = engine_of({}, context_managers=[])
-    # In a thread, so that Ctrl-C is raised here and stops the mover, whatever the engine does.
-    work = Status(lambda: engine(messages.rows(first)))
-    try:
-        while not work.done:
-            with suppress(TimeoutError):
-                work.exception(0.1)
-        error = work.exception()
-        if error is not None:
-            messages.mover.stop()
-            raise _told_error(error, run, messages.mover.words()) from error
-    except KeyboardInterrupt:
-        stopping = Status(messages.mover.stop)
-        messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
-        stopping.exception(None)
-        messages.told(messages.mover.words())
-        with suppress(TimeoutError):
-            work.exception(_ENDS_S)
-        raise
-    finally:
+    work = None
+    with ExitStack() as ends:
         for device in {id(device): device for device in devices.values()}.values():
-            closed(device)
+            ends.callback(closed, device)
+        ends.enter_context(telling(lambda: f" {messages.mover.words()}."))
+        try:
+            # In a thread, so that Ctrl-C is raised here and stops the mover, whatever it does.
+            work = Status(lambda: engine(messages.rows(first)))
+            while not work.done:
+                with suppress(TimeoutError):
+                    work.exception(0.1)
+            error = work.exception()
+            if error is not None:
+                messages.mover.stop()
+                raise _told_error(error, run, messages.mover.words()) from error
+        except KeyboardInterrupt:
+            stopping = Status(messages.mover.stop)
+            messages.told("the mover is being stopped; a second Ctrl-C would not wait for it")
+            stopping.exception(None)
+            messages.told(messages.mover.words())
+            with suppress(TimeoutError):
+                work is None or work.exception(_ENDS_S)
+            raise
 
 
 def _told_error(error: BaseException, run: Run, stop: str) -> BaseException:
@@ -353,7 +358,7 @@ def _told_error(error: BaseException, run: Run, stop: str) -> BaseException:
     visit = run.taken[-1].number + 2 if run.taken else 1
     return kind(
         f"stopped at visit {visit}: {words}. {stop}, and {len(run.taken)} readings are kept; the "
-        "same command goes on there"
+        "same command goes on there, and with --minutes 0 it writes the table of them"
     )
 
 

@@ -16,7 +16,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from ecm.io.interrupts import wait_to_interrupt
+from ecm.io.interrupts import last_words, wait_to_interrupt
 
 TYPE_CHECKING = False  # the module typing takes longer to load than all of this
 if TYPE_CHECKING:
@@ -68,7 +68,8 @@ def line() -> str:
     """Return the line that an interrupted command prints."""
     if _State.code == 0:
         return f"Interrupted; {COMPLETE}"
-    return f"Interrupted; {_State.kept() if _State.kept else NOTHING_WRITTEN}"
+    kept = _State.kept() if _State.kept else NOTHING_WRITTEN
+    return f"Interrupted; {kept}{last_words()}"
 
 
 def _on_signal(_number: int, frame: FrameType | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
@@ -12,6 +12,7 @@ class _Waiting:
 
     blocks = 0
     interrupted = False
+    words: Callable[[], str] = str
 
 
 @contextmanager
@@ -62,6 +63,34 @@ def interruptible() -> Iterator[None]:
         yield
     finally:
         _Waiting.blocks = before
+
+
+@contextmanager
+def telling(words: Callable[[], str]) -> Iterator[None]:
+    """Let the last line of a command that ends at once, at a second Ctrl-C, end with words.
+
+    Examples
+    --------
+    >>> with telling(lambda: " The door is open."):
+    ...     last_words()
+    ' The door is open.'
+    """
+    _Waiting.words = words
+    try:
+        yield
+    finally:
+        _Waiting.words = str
+
+
+def last_words() -> str:
+    """Return what `telling` tells now; nothing outside it.
+
+    Examples
+    --------
+    >>> last_words()
+    ''
+    """
+    return _Waiting.words()
 
 
 def wait_to_interrupt() -> bool:

@@ -107,6 +107,8 @@ def unstated_length(table: Table) -> str:
     return f"{said}; these poses are {middle:.3g} m from the base along the body"
 
 
+EPOCH_S = 1e8
+"""Larger times count from an epoch, such as 1970, and not from the start of a run."""
 _TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
 _LATE = 20.0
 """A campaign begins at 0: later than so many times its range time_s counts from elsewhere."""
@@ -245,7 +247,7 @@ def zero_column_sentences(zeros: Sequence[str]) -> list[str]:
         return []
     return [
         f"{', '.join(zeros)} {'are' if len(zeros) > 1 else 'is'} 0 in every row: filled up with "
-        "zeros? Effects are tested without, in the columns that vary."
+        "zeros? Or is the channel dead? Effects are tested without, in the columns that vary."
     ]
 
 
@@ -267,6 +269,14 @@ def _is_constant(values: F) -> bool:
 def doubts(table: Table, wrong: WrongConvention | None) -> list[str]:
     """Return what looks wrong with the signs, the time and the rotations of a table."""
     said = [time_unit(table), "" if wrong is None else wrong.sentence()]
+    still, read = {*never_excited(table)}, {*table.wrench_columns}
+    dead = read and read <= still and not any(table.measured().column(name).any() for name in read)
+    # Actuators move a mechanism that is free.
+    if dead and not table.actuation_columns and {*table.pose_columns} - still:
+        said.append(
+            "the wrench is exactly 0 in every row, and the poses vary: is the sensor dead, or its "
+            "cable off? A sensor that reads has noise. Measure again"
+        )
     if table.has(*POSE[3:]):
         said.append(order_warning(table.matrix(POSE[3:])))
     return [words for words in said if words]

@@ -32,6 +32,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
+from ecm.io.sanity import EPOCH_S
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
 from ecm.io.validate import is_unsorted
@@ -413,10 +414,6 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     )
 
 
-_EPOCH_S = 1e8
-"""Larger times count from an epoch; the table's begin at 0."""
-
-
 def standard_columns(
     log: Log, mapped: ColumnMap, source: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
@@ -507,7 +504,7 @@ def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
         return []
     time, notes = table["time_s"], []
     known = time[np.isfinite(time)]
-    if len(known) and known.min() > _EPOCH_S:
+    if len(known) and known.min() > EPOCH_S:
         power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
         time = (time - known.min()) / 10.0 ** (3 * power)
         notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")

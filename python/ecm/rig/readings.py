@@ -158,7 +158,8 @@ class Journal:
         if not complete.startswith(self._head):
             raise InputError(
                 f"{self.path}: this is the journal of another campaign (other plan, rig, seed or "
-                "hidden effect). Remove it to start again, or choose another --out"
+                "hidden effect), whose readings are in no table yet. Choose another --out, or run "
+                "the command of that campaign again"
             )
         names = self._head.splitlines()[1].split(",")
         lines = complete[len(self._head) :].splitlines()
