@@ -56,8 +56,9 @@ OUTLIER_CHANCE = 1e-4
 """Rows less likely than this under the noise count less."""
 ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
-_ABSORBED_BY_PHYSICS = 0.995
-"""The same for a physics base: its one or two coefficients absorb nothing by chance."""
+_MOST_ABSORBED = 0.995
+"""The same for a physics base: its one or two coefficients absorb nothing by chance. And for effects
+of time and order: a base of the pose absorbs as much of what their form errs."""
 SHAPE_REFINEMENTS = 4
 """Rounds in which the shape of an effect is refined between grid points."""
 
@@ -282,7 +283,7 @@ def _not_absorbed(
     """Return the columns that the base does not absorb, and why the others are left out."""
     most, record = ABSORBED_SHARE, "[mechanism], so that the physics model is the base"
     if base.kind == "physics":
-        most = _ABSORBED_BY_PHYSICS
+        most = _MOST_ABSORBED
         record = "pure axial and pure torsion poses, or a second specimen"
     elif actuators_of(base):
         record = "a test of its own: an energy of pose and inputs takes it in"
@@ -294,11 +295,14 @@ def _not_absorbed(
     shares = projection.absorbed_by_each([item.columns for item in every])
     for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
-        if share <= (own or (ABSORBED_SHARE if item.imitates else most)):
+        usual = ABSORBED_SHARE if item.imitates else most
+        if item.effect.kind == "time" and not item.imitates:
+            usual = _MOST_ABSORBED
+        if share <= (own or usual):
             kept.append(item)
         elif not item.imitates:
             absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)
-            if share <= _ABSORBED_BY_PHYSICS:
+            if share <= _MOST_ABSORBED:
                 rest.append(replace(item, imitates=True))
     seen = {item.id for item in kept}
     kept += [item for item in rest if item.id not in seen]
