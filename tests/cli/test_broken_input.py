@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +19,7 @@ import pytest
 
 from ecm._native import Mesh
 from support.meshes import block_mesh
-from support.neck import Done, csv_text, neck_columns, saved
+from support.neck import Command, csv_text, neck_columns, saved
 
 CUBIC = ("--model", "quadratic", "--out", "m.json")
 NECK_TOML = "[mechanism]\nlength_m = 0.1034\n"
@@ -217,7 +217,7 @@ def test_exit_code_two_and_a_message(
     case: Case,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, content in case.files.items():

@@ -39,10 +39,19 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.models.refit import refit
 from ecm.report.blocks import number
 from support.campaigns import campaign, physics
-from support.neck import LENGTH_M, ROOT, Done, columns_of, csv_text, neck_columns, neck_rows, saved
+from support.neck import (
+    LENGTH_M,
+    ROOT,
+    Command,
+    Done,
+    columns_of,
+    csv_text,
+    neck_columns,
+    neck_rows,
+    saved,
+)
 from support.neck import STIFFNESS as K
 
-Command = Callable[..., Done]
 COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 

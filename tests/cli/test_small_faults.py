@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,8 @@ from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.export import export as export_module
-from support.neck import Done, columns_of
+from support.neck import columns_of
 
-Command = Callable[..., Done]
 SPRING = "x_m,fx_N\n0,0\n0.001,1.1\n0.002,1.9\n0.003,3.2\n"
 
 

@@ -6,7 +6,6 @@ import ctypes
 import json
 import os
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,10 +38,8 @@ from support.cortex_m import (
 )
 from support.exports import adapter_library, done, loaded_library, written
 from support.models import BRANCHES, with_effects, with_time
-from support.neck import ROOT, Done
+from support.neck import ROOT, Command
 from support.programs import need_program
-
-Command = Callable[..., Done]
 
 
 @pytest.fixture(scope="module")
@@ -322,8 +319,7 @@ def test_the_command_writes_the_files(
     ran = ecm_command(
         "export", tmp_path / "m.json", "--to", "c", "--out", out, "--name", "neck",
         "--json", tmp_path / "j.json",
-    )  # fmt: skip
-    assert ran.code == 0, ran.err
+    ).good()  # fmt: skip
     assert f"Next: cc -O2 {out}/neck.c" in ran.out
     document = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
     names, loop = document["files"], document["control_loop"]

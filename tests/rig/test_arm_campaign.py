@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
@@ -27,8 +27,6 @@ from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT
 from support.stand_in import StandIn, some_poses
-
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,13 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.models import Model
 from ecm.models.export import Exported
 from support.exports import exported, written
 from support.programs import need_program
 
-F = NDArray[np.float64]
 CASES = np.array(list(itertools.product((0.8, 1.2), range(4))))
 """Stiffness of the plant over the model's, and steps of delay."""
 C_MAIN = """

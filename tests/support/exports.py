@@ -9,16 +9,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ecm.io.arrays import F
 from ecm.models import Model, fit_model
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import Exported, export_files
 from support.campaigns import campaign, workspace_poses
 from support.programs import need_program
 
-F = NDArray[np.float64]
 HEAD = LoopSettings(mass_kg=0.5, inertia_kg_m2=5e-4)
 """A platform for simulations."""
 _EXPORTED: dict[tuple[object, ...], tuple[Model, Exported]] = {}
