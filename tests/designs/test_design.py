@@ -135,20 +135,6 @@ def test_lists_measured_poses_and_repeats() -> None:
     assert len(again.indices) == 45
 
 
-@pytest.mark.parametrize("model", ["linear", "energy4"])
-def test_the_same_design_on_any_number_of_threads(model: str) -> None:
-    poses, _ = neck_rows(100)
-    found = [
-        optimal_design(
-            poses,
-            15,
-            DesignSettings(model=model, length_m=LENGTH_M, threads=t, seed=5, iterations=10),
-        )
-        for t in (1, 2)
-    ]
-    np.testing.assert_array_equal(found[0].indices, found[1].indices)
-
-
 def test_noise_of_the_pose_moves_the_design() -> None:
     """A row's information is A' Sigma^-1 A with the pose noise carried through the stiffness."""
     table = candidates()

@@ -20,18 +20,16 @@ from ecm.models.evaluation import pose_error
 from ecm.models.selection import choose_model
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
+from support.driven import ARM, PRESSURES, VOLUMES, arm_table
 from support.neck import ROOT, Command
 
-PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
-VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
-ARM = {"mechanism": {"length_m": 0.1}}
 ARM_FILE = ROOT / "examples" / "soft_arm.toml"
 
 
 @pytest.fixture(scope="module")
 def table() -> Table:
     """100 rows by FEM; the first 60 are fitted."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
+    return arm_table()
 
 
 @pytest.fixture(scope="module")

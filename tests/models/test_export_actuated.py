@@ -23,18 +23,17 @@ from ecm.models.export import TARGETS, export_files
 from ecm.models.measured_poses import are_inside
 from ecm.regression.rows import taken_by
 from support.cortex_m import WARNINGS
+from support.driven import PRESSURES, arm_table
 from support.exports import HEAD, done, loaded_library, written
 from support.fmu import Instance
 from support.neck import ROOT
 from support.programs import need_linux, need_program
 
-PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
-
 
 @pytest.fixture(scope="module")
 def table() -> Table:
     """100 rows by FEM of an arm with three chambers."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
+    return arm_table()
 
 
 @pytest.fixture(scope="module")
