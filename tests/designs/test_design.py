@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +40,7 @@ from ecm.workflow.config import read_rig
 from ecm.workflow.design import identifiability
 from support.driven import PRESSURES, arm_model, arm_table
 from support.neck import LENGTH_M, ROOT, Command, csv_text, neck_columns, neck_rows
+from support.programs import ended
 from support.report_pages import figures_of
 
 META = f"[mechanism]\nlength_m = {LENGTH_M}\n"
@@ -417,11 +417,7 @@ def test_the_binary_and_the_command_write_the_same_plan(neck: Path, ecm_command:
                    "--exclude", "x_m<0.102&y_m>0.009", "--exclude", "1-3", *more]  # fmt: skip
         ours = ecm_command("design", *options, "--out", "ours.csv", "--json", "ours.json").good()
         assert "% of what is possible" in ours.out
-        theirs = subprocess.run(
-            [str(binary), *options, "--out", "theirs.csv", "--json", "theirs.json"],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert theirs.returncode == 0, theirs.stderr
+        ended(binary, *options, "--out", "theirs.csv", "--json", "theirs.json")
         a, b = read_table("ours.csv"), read_table("theirs.csv")
         assert list(a.columns) == list(b.columns)
         assert len(a) == len(b) == 32

@@ -41,6 +41,7 @@ from ecm.workflow.app.session import Session
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from ecm.workflow.app.views import state_of
 from support.neck import ROOT, saved
+from support.programs import ended
 from support.warm_steps import warm
 
 PORT, TOKEN = 8000, "a-secret"
@@ -774,9 +775,7 @@ if __name__ == "__main__":
 
 def test_the_end_of_the_server_ends_a_view(tmp_path: Path) -> None:
     script = saved(tmp_path / "server.py", _CLOSED)
-    done = subprocess.run(
-        [sys.executable, str(script)], check=True, capture_output=True, text=True, timeout=120
-    )
+    done = ended(sys.executable, script)
     assert done.stdout == "the server is being ended\n"
 
 
