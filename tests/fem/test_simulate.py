@@ -13,6 +13,8 @@ from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
 from ecm.io.mechanism import Mechanism
+from support.meshes import block_mesh
+from support.neck import saved
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
 NECK = {"builtin": "cylinder", "length_m": 0.1034, "radius_m": 0.033}
@@ -101,9 +103,9 @@ def test_own_weight_sags() -> None:
 
 
 def test_results_say_why_and_how_far() -> None:
-    found = (
-        Mechanism().fem().solve_wrenches(np.array([[-260.0, 0.0, 0.0, 0.0, 0.0, 0.0], WRENCH[0]]))
-    )
+    mesh = Mesh.cylinder(length_m=0.1034, radius_m=0.033, quality="1x4x6")
+    body = Fem(mesh, young_modulus_Pa=0.65e6, poisson_ratio=0.49)
+    found = body.solve_wrenches(np.array([[-260.0, 0.0, 0.0, 0.0, 0.0, 0.0], WRENCH[0]]))
     assert found.status == ["unstable", "solved"]
     assert found.reason[0].startswith("buckling")
     assert found.reason[1] == ""
@@ -150,20 +152,23 @@ def test_hostile_meshes_loads_and_warm_starts_are_refused_by_the_package() -> No
         Fem(Mesh.cylinder(length_m=1e-100, radius_m=1e-100), young_modulus_Pa=1e-100)
 
 
-def test_wrenches_of_ones_own_are_solved_in_their_order() -> None:
+def test_wrenches_of_ones_own_are_solved_in_their_order(tmp_path: Path) -> None:
+    saved(tmp_path / "block.msh", block_mesh())
+    soft = {"mesh": "block.msh", "young_modulus_Pa": 1e5, "poisson_ratio": 0.49}
+    block = Mechanism.from_dict(soft, base=tmp_path)
     wrenches = np.concatenate([WRENCH, [[-500.0, 0, 0, 0, 0, 0]], 0.5 * WRENCH])
-    pairs = solve_wrenches(Mechanism(), wrenches.tolist())
+    pairs = solve_wrenches(block, wrenches.tolist())
     assert pairs.status == ("solved", "unstable", "solved")
     assert pairs.counts == {"solved": 2, "unstable": 1, "failed": 0}
     np.testing.assert_array_equal(pairs.wrenches, wrenches)
     assert np.isnan(pairs.poses[1]).all()
     assert np.isnan(pairs.stiffness[1]).all()
     # The body carries the wrench at this pose: the other direction finds it again.
-    back = Mechanism().fem().solve_poses(np.ascontiguousarray(pairs.poses[[0, 2]]))
+    back = block.fem().solve_poses(np.ascontiguousarray(pairs.poses[[0, 2]]))
     np.testing.assert_allclose(back.wrenches, wrenches[[0, 2]], atol=1e-5)
     table = pairs.table()
     np.testing.assert_array_equal(table.wrenches, wrenches[[0, 2]])
-    none = solve_wrenches(Mechanism(), np.empty((0, 6)))
+    none = solve_wrenches(block, np.empty((0, 6)))
     assert none.status == ()
     assert none.stiffness.shape == (0, 6, 6)
 
