@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
 from support.chromium import Page, open_chromium
 from support.jobs import identify_with_kept_fem, write_smaller
-from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
+from support.neck import ROOT, SHARED_DATA, Command, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once
 
 TESTS = ROOT / "tests"
@@ -136,9 +136,7 @@ def neck_csv(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def ecm_command(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Done]:
+def ecm_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
     """Run `ecm ARGUMENTS` in this process."""
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.delenv("ECM_DEBUG", raising=False)

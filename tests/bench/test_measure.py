@@ -35,6 +35,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table, read_table
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import Instruments, RigSettings
+from support.programs import ended
 
 PARTS = ("mover", "wrench", "pose", "person")
 
@@ -742,9 +743,7 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     (tmp_path / "bench.toml").write_text(tables)
     command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
     command += ["--out", "data.csv"]
-    dry = subprocess.run(
-        [*command, "--dry-run"], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    dry = ended(*command, "--dry-run", cwd=tmp_path)
     assert not dry.stderr  # a plan goes to the same pose again on purpose
     assert "14 visits" in dry.stdout
     assert "farthest 5.00 mm and 0.000 rad from rest" in dry.stdout

@@ -6,13 +6,12 @@ base of each table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from support.chain import BASES, TABLES, Walk, walks
-from support.neck import SHARED_DATA, Done
+from support.neck import SHARED_DATA, Command
 
 _SAMPLE = {
     "neck": "energy4",
@@ -43,7 +42,7 @@ def test_each_step_ends_in_a_result_or_in_advice_that_works(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     request: pytest.FixtureRequest,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
 ) -> None:
     if table == "finger_joint" and not SHARED_DATA.is_dir():
         pytest.skip("published measurements: no folder ../shared/data beside the repository")

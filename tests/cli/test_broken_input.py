@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +18,8 @@ import pytest
 
 from ecm._native import Mesh
 from support.meshes import block_mesh
-from support.neck import Done, csv_text, neck_columns, saved
+from support.neck import Command, csv_text, neck_columns, saved
+from support.programs import ended
 
 CUBIC = ("--model", "quadratic", "--out", "m.json")
 NECK_TOML = "[mechanism]\nlength_m = 0.1034\n"
@@ -217,7 +217,7 @@ def test_exit_code_two_and_a_message(
     case: Case,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, content in case.files.items():
@@ -265,12 +265,8 @@ def test_a_good_block_is_a_good_mesh(tmp_path: Path) -> None:
 def test_the_program_itself_ends_with_two_and_without_a_traceback(tmp_path: Path) -> None:
     """Once through a process of its own, as users see it."""
     (tmp_path / "d.csv").write_text(cell(7, 6, "nan"), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "ecm", "check", "d.csv"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-        env={**os.environ, "COLUMNS": "80"},
-    )  # fmt: skip
-    assert done.returncode == 2
+    command = (sys.executable, "-m", "ecm", "check", "d.csv")
+    done = ended(*command, cwd=tmp_path, env={**os.environ, "COLUMNS": "80"}, code=2)
     assert done.stderr.startswith("error: d.csv: 1 bad place:")
     assert "Traceback" not in done.stderr
     assert done.stdout == ""

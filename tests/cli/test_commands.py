@@ -39,10 +39,20 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.models.refit import refit
 from ecm.report.blocks import number
 from support.campaigns import campaign, physics
-from support.neck import LENGTH_M, ROOT, Done, columns_of, csv_text, neck_columns, neck_rows, saved
+from support.neck import (
+    LENGTH_M,
+    ROOT,
+    Command,
+    Done,
+    columns_of,
+    csv_text,
+    neck_columns,
+    neck_rows,
+    saved,
+)
 from support.neck import STIFFNESS as K
+from support.programs import ended
 
-Command = Callable[..., Done]
 COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 
@@ -63,7 +73,7 @@ def test_a_command_that_moved_says_where_in_one_line(ecm_command: Command) -> No
 
 def test_help_of_all_loads_no_command() -> None:
     code = "import sys; from ecm.cli import run; run(['--help']); print([*sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = ended(sys.executable, "-c", code)
     loaded = done.stdout.splitlines()[-1]
     assert "ecm.cli.app" in loaded
     assert "ecm.cli.session" not in loaded
@@ -84,7 +94,7 @@ print(parser, [name for name in engines if name in sys.modules])
 def test_help_and_wrong_arguments_load_no_engine() -> None:
     """The help of a command takes little longer than that of all: both load the parser alone."""
     code = HELP.format(names=COMMANDS)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = ended(sys.executable, "-c", code)
     lines = done.stdout.splitlines()
     assert lines[-3] == " ".join("0" for _ in COMMANDS)
     assert lines[-2] == "2"
@@ -168,10 +178,7 @@ def test_the_shell_completes_commands_and_options() -> None:
     ):
         asked = {"_ECM_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(word)}
         code = "from ecm.cli import main; main()"
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            check=True, capture_output=True, text=True, env=os.environ | asked,
-        )  # fmt: skip
+        done = ended(sys.executable, "-c", code, env=os.environ | asked)
         assert done.stdout.split() == found, done.stderr
 
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,9 +18,7 @@ from ecm.io.description import Meta
 from ecm.io.interrupts import uninterrupted, wait_to_interrupt
 from ecm.io.table import as_table
 from interruptions import files, loads_ecm, printed, run, when, written
-from support.neck import Done, csv_text, neck_columns
-
-Command = Callable[..., Done]
+from support.neck import Command, csv_text, neck_columns
 
 FIT = ("fit", "d.csv", "--model", "linear", "--json", "f.json", "--out", "m.json")
 

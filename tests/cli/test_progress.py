@@ -26,9 +26,8 @@ from ecm.models.check import check
 from ecm.models.fit_summary import fit_summary
 from ecm.models.model import Model
 from ecm.models.selection import cross_validate, learning_curve
-from support.neck import ROOT, Done, columns_of
+from support.neck import ROOT, Command, columns_of
 
-Command = Callable[..., Done]
 Told = list[tuple[float, float, str]]
 
 

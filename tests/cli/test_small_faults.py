@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +18,16 @@ from ecm.fem.material_fit import MaterialTest, fit_material
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.export import export as export_module
-from support.neck import Done, columns_of
+from support.neck import columns_of
+from support.programs import ended
 
-Command = Callable[..., Done]
 SPRING = "x_m,fx_N\n0,0\n0.001,1.1\n0.002,1.9\n0.003,3.2\n"
 
 
 @pytest.mark.parametrize("name", ["/dev/stdout", "-"])
 def test_the_json_goes_to_the_standard_output(name: str, tmp_path: Path) -> None:
     (tmp_path / "d.csv").write_text(SPRING, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "ecm", "check", "d.csv", "--json", name],
-        capture_output=True, text=True, cwd=tmp_path, check=True, timeout=60,
-    )  # fmt: skip
+    done = ended(sys.executable, "-m", "ecm", "check", "d.csv", "--json", name, cwd=tmp_path)
     assert json.loads(done.stdout)["rows"] == 4
     assert "Testable effects" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["d.csv"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -17,9 +16,7 @@ from ecm.cli.command import Command
 from ecm.cli.main import reported
 from ecm.cli.session import Session, run_command
 from ecm.effects import get_effect
-from support.neck import LENGTH_M, Done, csv_text, neck_columns
-
-Ecm = Callable[..., Done]
+from support.neck import LENGTH_M, csv_text, neck_columns
 
 
 @pytest.fixture
@@ -39,7 +36,7 @@ def same_tables(path: Path, table: ecm.Table) -> None:
         np.testing.assert_array_equal(written.columns[name], values)
 
 
-def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
+def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Command) -> None:
     def run(*arguments: object) -> None:
         ecm_command(*arguments).good()
 
@@ -72,7 +69,7 @@ def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: E
         assert (tmp_path / "python" / name).read_text(encoding="utf-8") == text
 
 
-def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Ecm) -> None:
+def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> None:
     table = ecm.read_table(data)
     assert ecm_command("check", data, "--json", tmp_path / "check.json").code == 0
     assert json.loads((tmp_path / "check.json").read_text()) == ecm.check(table).to_dict()
@@ -125,7 +122,7 @@ def rows(session, data: list[Path], *, most: Natural = 0, words: Sequence[str] =
 
 
 def test_a_new_command_is_a_function_and_a_line_of_the_registry(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Ecm
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
     """Its options are the signature and the docstring, and those of the public function."""
     package = Path(ecm.__file__).parent

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +24,7 @@ from ecm.regression.folds import folds, repeat_cells, row_groups, without_zero_r
 from ecm.regression.noise import reml_noise
 from ecm.regression.normal_equations import NormalEquations
 from support.campaigns import campaign, model, physics
-from support.neck import Done, csv_text
+from support.neck import Command, csv_text
 
 
 def load_cell(shared_data: Path) -> dict[str, np.ndarray]:
@@ -63,7 +62,7 @@ def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
 
 
 def test_the_command_says_the_certified_lack_of_fit(
-    shared_data: Path, tmp_path: Path, ecm_command: Callable[..., Done]
+    shared_data: Path, tmp_path: Path, ecm_command: Command
 ) -> None:
     data, fitted, found = (tmp_path / name for name in ("d.csv", "m.json", "c.json"))
     data.write_text(csv_text(load_cell(shared_data)), encoding="utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from ecm.comparison import compare
 from ecm.comparison.reference_models import ReferenceModels
 from support.campaigns import campaign, model
 from support.chain import neck
-from support.neck import Done
+from support.neck import Command
 
 
 @pytest.mark.parametrize(
@@ -56,7 +55,7 @@ def test_shares_are_those_of_the_squares() -> None:
 
 
 def test_no_fem_runs_for_a_reference_and_the_command_that_shows_it_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Callable[..., Done]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from ecm.regression.folds import is_zero
 from ecm.regression.noise import declared_noise
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, physics
-from support.neck import Done
+from support.neck import Command
 from support.stand_in import StandIn
 
 GRAVITY = Scene().gravity_m_s2
@@ -35,9 +34,7 @@ def test_most_experiments_of_the_catalogue_can_be_driven() -> None:
     assert len(DRIVEN) >= 18
 
 
-def test_a_verdict_on_one_axis_stands_without_a_plan(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_a_verdict_on_one_axis_stands_without_a_plan(tmp_path: Path, ecm_command: Command) -> None:
     data, plan = tmp_path / "one.csv", tmp_path / "next.csv"
     assert ecm_command("new", "data", "--dof", "1", "--out", data).code == 0
     assert ecm_command("fit", data, "--model", "linear", "--out", tmp_path / "m.json").code == 0

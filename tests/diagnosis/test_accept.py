@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
@@ -23,6 +22,7 @@ from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
+from ecm.io.arrays import F, I
 from ecm.io.description import FileMeta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
@@ -33,7 +33,6 @@ from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, physics, with_change
 from support.neck import columns_of
 
-F = NDArray[np.float64]
 PASSES = AcceptanceCheck(
     id="payload",
     p_holm=1e-6,
@@ -244,7 +243,7 @@ def test_effects_of_time_are_held_out_in_clusters_of_poses() -> None:
     assert np.ptp(np.bincount(parts)) <= 2
     scaled = (rows.poses - rows.poses.mean(axis=0)) / rows.poses.std(axis=0)
 
-    def within(labels: NDArray[np.int64]) -> float:
+    def within(labels: I) -> float:
         return float(sum(scaled[labels == k].var(axis=0).sum() for k in range(5)))
 
     at_random = [within(np.random.default_rng(i).permutation(parts)) for i in range(20)]

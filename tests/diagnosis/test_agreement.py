@@ -22,10 +22,9 @@ from ecm.models import fit_model
 from ecm.models.check import check
 from ecm.models.refit import refit
 from support.campaigns import INSTRUMENT, campaign, workspace_poses
-from support.neck import Done, columns_of
+from support.neck import Command, columns_of
 from support.stand_in import L, wrench
 
-Command = Callable[..., Done]
 LENGTH = {"length_m": L}
 
 
@@ -112,8 +111,7 @@ def test_a_table_with_neither_pose_nor_wrench_is_told_so_by_all(
     assert "pose" in checked.out
     assert "wrench" in checked.out
     for command in ("compare", "diagnose"):
-        done = ecm_command(command, tmp_path / "m.json", tmp_path / "d.csv")
-        assert done.code == 2
+        done = ecm_command(command, tmp_path / "m.json", tmp_path / "d.csv").refused()
         assert "no pose column was found" in done.err
         assert "or map them in [columns]" in done.err
     assert "nothing can be fitted, compared or diagnosed" in checked.out

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,9 +23,7 @@ from ecm.models.refit import refit, refuse_worse
 from ecm.models.registry import effect_document, effect_of
 from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, with_change
-from support.neck import Done
-
-Command = Callable[..., Done]
+from support.neck import Command
 
 
 def problem_of(table: Table) -> Problem:

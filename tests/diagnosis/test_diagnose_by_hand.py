@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.arrays import F
 from ecm.io.columns import VELOCITY
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import Table
@@ -23,7 +23,6 @@ from support.campaigns import with_change as with_wrench
 from support.neck import columns_of
 from support.stand_in import L
 
-F = NDArray[np.float64]
 REST: F = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 METRIC: F = np.array([1.0, 1.0, 1.0, L, L, L])
 

@@ -6,7 +6,6 @@ import html
 import io
 import json
 import re
-from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from ecm.diagnosis.summary import Summary
 from ecm.io.table import Table
 from ecm.report.blocks import number
 from support.campaigns import campaign, diagnosis_of, model
-from support.neck import Done
+from support.neck import Command
 from support.report_pages import figures_of, open_page
 
 HOSTILE = '</script><b>"x*y'
@@ -228,7 +227,7 @@ def test_a_name_whose_error_rises_on_held_out_rows_asks_for_more_poses(
 
 
 def test_without_details_three_lines_and_where_the_rest_is(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     model().save(tmp_path / "m.json")
     campaign("payload", 1.0, 4).write(tmp_path / "d.csv")

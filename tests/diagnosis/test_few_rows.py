@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
-from ecm.io.arrays import rest_of
+from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import rotation
 from ecm.io.table import Table, as_table
@@ -26,7 +25,6 @@ from ecm.regression.noise import Noise
 from support.campaigns import INSTRUMENT, NOISE, campaign, model, workspace_poses
 from support.stand_in import L, wrench
 
-F = NDArray[np.float64]
 FORCES = WRENCH[:3]
 
 

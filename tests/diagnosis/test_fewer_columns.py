@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 from ecm.diagnosis import diagnose
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_model
 from support.campaigns import campaign
-from support.neck import Done
-
-Command = Callable[..., Done]
+from support.neck import Command
 
 
 def test_the_error_before_is_that_of_its_columns() -> None:
@@ -30,10 +27,9 @@ def test_its_report_draws_what_the_model_has(tmp_path: Path, ecm_command: Comman
     table, model = campaign("fts_offset", 1.0, 4), tmp_path / "m.json"
     table.write(tmp_path / "d.csv")
     fit_model(table.drop(*POSE[3:], *WRENCH[1:]), "linear").save(model)
-    done = ecm_command(
+    ecm_command(
         "diagnose", model, tmp_path / "d.csv", "--json", tmp_path / "d.json",
         "--report", tmp_path / "d.html",
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))["effects"]
     assert "verdict" in (tmp_path / "d.html").read_text(encoding="utf-8")

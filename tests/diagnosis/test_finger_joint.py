@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,9 @@ import numpy as np
 import pytest
 
 from ecm.io.table import read_table
-from support.neck import ROOT, Done
+from support.neck import ROOT, Command
 
 META = ROOT / "examples" / "finger_joint.toml"
-Command = Callable[..., Done]
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +38,7 @@ def test_units_are_those_of_the_file(april: Path) -> None:
 
 
 def test_check_says_what_is_never_excited(april: Path, ecm_command: Command) -> None:
-    done = ecm_command("check", april, "--meta", META)
-    assert done.code == 0
+    done = ecm_command("check", april, "--meta", META).good()
     assert "492 rows" in done.out
     assert "The z torque (tau_z_Nm) is never excited" in done.out
     assert "15 groups" in done.out
@@ -53,8 +50,7 @@ def test_random_rows_flatter_the_cubic(april: Path, ecm_command: Command, tmp_pa
     fitted = ecm_command(
         "fit", april, "--meta", META, "--model", "cubic", "--out", tmp_path / "m.json",
         "--json", tmp_path / "fit.json",
-    )  # fmt: skip
-    assert fitted.code == 0, fitted.err
+    ).good()  # fmt: skip
     held_out = read(tmp_path / "fit.json")["held_out"]
     assert held_out["by_random_rows"]["tau_x_Nm"] == pytest.approx(0.49, abs=0.04)
     assert held_out["by_group"]["tau_x_Nm"] == pytest.approx(0.67, abs=0.06)
@@ -64,8 +60,7 @@ def test_random_rows_flatter_the_cubic(april: Path, ecm_command: Command, tmp_pa
 
     compared = ecm_command(
         "compare", tmp_path / "m.json", april, "--meta", META, "--json", tmp_path / "c.json"
-    )
-    assert compared.code == 0, compared.err
+    ).good()
     assert "The z torque (tau_z_Nm) is never excited" in compared.out
     document = read(tmp_path / "c.json")
     assert document["never_excited"] == ["tau_z_Nm"]

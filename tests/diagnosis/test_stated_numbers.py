@@ -9,13 +9,13 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
+from ecm.io.arrays import F
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
 from support.campaigns import NOISE, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
-F = np.ndarray
 EFFECTS = ("base_frame_misalignment", "payload", "fts_frame")
 
 

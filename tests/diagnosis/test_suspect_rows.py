@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import ecm
 import ecm.io.description
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import rows_of
 from ecm.io.sanity import suspect_rows
 from ecm.io.se3 import rotation, turn_wrench
-from support.neck import Done, csv_text
+from support.neck import Command, csv_text
 
-F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 3000
 
 
@@ -149,9 +148,7 @@ def test_a_wrench_that_repeats_at_poses_far_apart_is_a_stuck_sensor(fault: str) 
     assert found(columns, kind="static").get("stuck") == rows
 
 
-def test_one_flag_leaves_them_out_for_every_command(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_one_flag_leaves_them_out_for_every_command(tmp_path: Path, ecm_command: Command) -> None:
     columns = log()
     rows = stuck(columns) | few_rows(columns)
     path, description = tmp_path / "log.csv", tmp_path / "log.toml"
@@ -160,13 +157,11 @@ def test_one_flag_leaves_them_out_for_every_command(
     path.write_text("\n".join(text) + "\n", encoding="utf-8")
     description.write_text('[file]\nkind = "continuous"  # 100 Hz\n', encoding="utf-8")
 
-    before = ecm_command("check", path, "--skip-bad-rows")
-    assert before.code == 0, before.err
+    before = ecm_command("check", path, "--skip-bad-rows").good()
     assert "stuck: fz_N stays while others move (rows 1001-1060)" in before.out
     assert "[leave_out]" not in description.read_text(encoding="utf-8")
 
-    done = ecm_command("check", path, "--leave-out")
-    assert done.code == 0, done.err
+    done = ecm_command("check", path, "--leave-out").good()
     assert "Likely no measurements" not in done.out
     written = description.read_text(encoding="utf-8")
     assert written.startswith('[file]\nkind = "continuous"  # 100 Hz\n')

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.comparison.residuals import factors
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.left_over import effect_template
 from ecm.effects import effect, get_effect, unregister
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model
@@ -101,15 +101,15 @@ def test_of_a_table_with_one_force_the_draft_is_an_effect_as_well() -> None:
 
 def test_of_six_components_those_that_are_measured_are_taken() -> None:
     @effect("fan", physics="A fan.", parameters={"push": "N"}, needs=("x_m",))
-    def fan(rows: Rows) -> NDArray[np.float64]:
+    def fan(rows: Rows) -> F:
         return np.tile(np.arange(6.0), (len(rows), 1))
 
     @effect("wrong", physics="Rows are lost.", parameters={"push": "N"}, needs=("x_m",))
-    def wrong(rows: Rows) -> NDArray[np.float64]:
+    def wrong(rows: Rows) -> F:
         return np.zeros((1, 6))
 
     @effect("broken", physics="Asks for what is not there.", parameters={"push": "N"}, needs=())
-    def broken(rows: Rows) -> NDArray[np.float64]:
+    def broken(rows: Rows) -> F:
         return np.asarray(rows.table.column("speed"))
 
     try:

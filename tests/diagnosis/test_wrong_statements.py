@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
+from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.io.conventions import wrong_convention
 from ecm.io.description import Meta
@@ -20,8 +21,6 @@ from ecm.models.check import check
 from support.campaigns import META, NOISE, campaign, model, workspace_poses
 from support.neck import ROOT, columns_of
 from support.stand_in import L, wrench
-
-F = np.ndarray
 
 
 def turned(axis: str, degrees: float) -> F:

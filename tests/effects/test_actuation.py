@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from support.driven import (
     measured,
     tendon_table,
 )
-from support.neck import Done
+from support.neck import Command
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +130,7 @@ def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: 
 
 
 def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     table = arm_table().drop("volume_1_m3", "volume_2_m3", "volume_3_m3").select(np.arange(60))
     assert exchanged(table, ActuatedModel()) is None
@@ -145,19 +144,17 @@ def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
     # What is printed, typed.
     path, out = tmp_path / "s.csv", tmp_path / "s.json"
     replace(swapped, meta=table.meta).write(path)
-    refused = ecm_command("fit", path, "--model", "actuated4", "--out", out)
-    assert refused.code == 2
+    refused = ecm_command("fit", path, "--model", "actuated4", "--out", out).refused()
     lines = refused.err.splitlines()
     begin = next(i for i, line in enumerate(lines) if line.strip() == "[columns]")
     entries = [line.strip() for line in lines[begin : begin + 3]]
     toml = path.with_suffix(".toml")
     toml.write_text(toml.read_text() + "\n".join(entries) + "\n")
-    done = ecm_command("fit", path, "--model", "actuated4", "--out", out)
-    assert done.code == 0, done.err
+    ecm_command("fit", path, "--model", "actuated4", "--out", out).good()
 
 
 def test_diagnose_names_exchanged_chambers_with_a_command_that_mends_them(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     """Of a model that was fitted before, and of one that was forced onto the exchanged columns."""
     table, one, two = arm_table().drop(*VOLUMES), *PRESSURES[:2]
@@ -185,8 +182,7 @@ def test_diagnose_names_exchanged_chambers_with_a_command_that_mends_them(
     assert "exchanged" not in mended.err
     again = ecm_command("diagnose", model, path).out
     assert again.startswith("MISSING: nothing that these data could show")
-    done = ecm_command("fit", path, "--model", "actuated4", "--out", tmp_path / "s.json")
-    assert done.code == 0, done.err
+    done = ecm_command("fit", path, "--model", "actuated4", "--out", tmp_path / "s.json").good()
     assert "nothing that an entry" in ecm_command("check", path, "--mend").out
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
 from ecm.effects import Rows
 from ecm.effects.relaxation import StressRelaxation, fading, play
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
@@ -22,7 +22,7 @@ SHARE, TAU_S = 0.5, 20.0
 
 def ramps(step_N: float = 0.0, start_m: float = 0.0) -> Table:
     """Three runs of a ramp and a hold of 200 s; the force in steps, the displacement from start."""
-    columns: dict[str, list[NDArray[np.float64]]] = {"x_m": [], "fx_N": [], "time_s": [], "run": []}
+    columns: dict[str, list[F]] = {"x_m": [], "fx_N": [], "time_s": [], "run": []}
     begins = 0.0
     for run, (way, rate) in enumerate(((4e-3, 1e-4), (4e-3, 4e-4), (6e-3, 2e-4))):
         time = np.arange(0.0, way / rate + 200.0)
@@ -86,7 +86,7 @@ def test_a_log_begins_relaxed_at_its_first_sample(overstress: str, frame: str) -
 _SPREAD = np.random.default_rng(0).uniform(-1e-2, 1e-2, (40, 6))
 
 
-def linear_body(way: NDArray[np.float64], meta: Meta) -> Table:
+def linear_body(way: F, meta: Meta) -> Table:
     """A sample a second of a body that is linear in the way from its rest pose."""
     wrenches = way * [2e4, 3e3, 3e3, 4.0, 16.0, 16.0]
     rows = np.hstack([way + np.array([LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]), wrenches])

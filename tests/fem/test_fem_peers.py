@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import Fem, Mesh
+from ecm.io.arrays import F
 
-F = NDArray[np.float64]
 LENGTH_M, RADIUS_M = 0.1034, 0.033
 WRENCH = np.array([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0])
 PRESSURES_PA = (6e4, 1e4, 0.0)

@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.cli.main import run as main
 from ecm.errors import ComputationError, InputError
 from ecm.fem.material_fit import MaterialTest, fit_material, read_test
+from ecm.io.arrays import F
 from ecm.io.mechanism import TESTS, Material, Mechanism
 from support.neck import ROOT
 
-F = NDArray[np.float64]
 RUBBER = ROOT.parent / "shared" / "data" / "rubber"
 needs_data = pytest.mark.skipif(
     not RUBBER.is_dir(), reason="../shared/data/rubber is not beside this checkout"

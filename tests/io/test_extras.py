@@ -1,7 +1,6 @@
 """Optional packages: imported late, and named with their extra where they are missing."""
 
 import shlex
-import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError
 
@@ -9,6 +8,7 @@ import pytest
 
 from ecm.errors import MissingExtra
 from ecm.io.extras import require
+from support.programs import ended
 
 
 @pytest.mark.parametrize(
@@ -31,11 +31,7 @@ def test_the_advice_installs_the_packages_wherever_ecm_came_from(extra: str) -> 
     program, *words = shlex.split(remedy.command)
     assert program == sys.executable
     assert words[:3] == ["-m", "pip", "install"]
-    done = subprocess.run(
-        [program, *words[:3], "--dry-run", "--no-index", "--quiet", *words[3:]],
-        check=False, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr  # all of them are here
+    ended(program, *words[:3], "--dry-run", "--no-index", "--quiet", *words[3:])
 
 
 def test_the_advice_of_a_folder_that_was_never_installed_names_the_extra(

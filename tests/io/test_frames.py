@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import ecm
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Meta, as_table, read_table
 from support.neck import columns_of
 
-F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 30
 TOLERANCE = 1e-12
 

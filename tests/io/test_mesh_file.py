@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -17,7 +16,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.mesh import read_mesh
 from ecm.io.table import read_table
 from support.driven import PRESSURES
-from support.neck import Done
+from support.neck import Command
 
 LENGTH, RADIUS = 0.1, 0.03
 BODY = Mesh.chambered(
@@ -97,7 +96,7 @@ def test_meshes_of_other_programs_are_the_same_body(tmp_path: Path, name: str, h
 
 
 def test_an_arm_of_ones_own_mesh_is_simulated_as_typed(
-    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, ecm_command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What `ecm new arm` writes, with a mesh in place of its shape."""
     monkeypatch.chdir(tmp_path)

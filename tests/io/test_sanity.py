@@ -18,7 +18,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import WrongConvention, falling_loads, wrong_convention
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
-from support.neck import ROOT, Done, saved
+from support.neck import ROOT, Command, saved
 
 NECK = ROOT / "examples" / "neck_measured.csv"
 COLUMNS = (*POSE, *WRENCH)
@@ -181,7 +181,7 @@ def test_a_real_joint_whose_torque_falls(shared_data: Path) -> None:
 )
 @pytest.mark.parametrize("model", ["physics", "energy4"])
 def test_fit_refuses_with_an_entry_that_works(
-    wrong: Callable[[Table], Table], model: str, tmp_path: Path, ecm_command: Callable[..., Done]
+    wrong: Callable[[Table], Table], model: str, tmp_path: Path, ecm_command: Command
 ) -> None:
     data = tmp_path / "data.csv"
     wrong(read_table(NECK)).write(data)

@@ -19,13 +19,13 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.se3 import Frames
 from ecm.logs.sources import rotation_columns, to_rotation_vectors
-from support.neck import Done, columns_of, saved
+from support.neck import Command, columns_of, saved
 
-F = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 40
 
 
@@ -149,7 +149,7 @@ def test_a_rotation_comes_out_as_it_went_in(truth: dict[str, F], word: str) -> N
 
 
 def test_predictions_come_with_the_angles_of_a_knee(
-    truth: dict[str, F], tmp_path: Path, ecm_command: Callable[..., Done]
+    truth: dict[str, F], tmp_path: Path, ecm_command: Command
 ) -> None:
     table = ecm.as_table(truth)
     ecm.fit(table, "linear").save(tmp_path / "model.json")
@@ -253,9 +253,7 @@ def test_map_finds_a_column_without_regard_to_case_and_separators(tmp_path: Path
     assert imported.meta.origin["x_m"] == "Big Pos X"
 
 
-def test_map_negates_a_column_with_a_minus(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_map_negates_a_column_with_a_minus(tmp_path: Path, ecm_command: Command) -> None:
     """Names are compared without signs: the minus was dropped without a word."""
     path = saved(tmp_path / "log.csv", "x [mm],Fx [kN],-Q [N]\n0,1,2\n1,2,3\n2,3,4\n")
     pairs = {"fx_N": "-Fx [kN]", "fy_N": "-Q [N]", "fz_N": "--Q [N]:mN"}
@@ -399,7 +397,7 @@ def test_structs_that_hold_the_same_columns_are_logs_of_their_own() -> None:
 
 
 def test_the_command_writes_table_description_json_and_page(
-    truth: dict[str, F], tmp_path: Path, ecm_command: Callable[..., Done]
+    truth: dict[str, F], tmp_path: Path, ecm_command: Command
 ) -> None:
     write_npz(tmp_path / "log.npz", {"pose": pose(truth), "Force [N]": wrench(truth)[:, :3]})
     (tmp_path / "rig.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,7 @@ import pytest
 import ecm
 from ecm.io.arrays import F
 from ecm.io.table import read_table
-from support.neck import ROOT, Done
-
-Run = Callable[..., Done]
+from support.neck import ROOT, Command
 
 
 @pytest.fixture
@@ -34,7 +31,7 @@ def of_bar(command: str, bar: int) -> list[str]:
     return shlex.split(command.replace("1bar", f"{bar}bar").replace("p1.csv", f"p{bar}.csv"))[1:]
 
 
-def typed(run: Run, command: str) -> str:
+def typed(run: Command, command: str) -> str:
     """What a command prints."""
     done = run(*shlex.split(command)[1:]).good()
     return done.out
@@ -54,7 +51,7 @@ def noise_and_spread(force: F) -> tuple[float, float]:
 
 
 def test_four_pressures_predict_three_others_once_the_friction_of_the_seal_is_named(
-    commands: list[str], ecm_command: Run
+    commands: list[str], ecm_command: Command
 ) -> None:
     importing, fit, diagnose, refit, compare = commands
     for bar in range(1, 8):
@@ -90,7 +87,7 @@ def test_four_pressures_predict_three_others_once_the_friction_of_the_seal_is_na
 
 
 def test_without_the_pressure_each_run_is_said_to_have_a_wrench_of_its_own(
-    commands: list[str], ecm_command: Run
+    commands: list[str], ecm_command: Command
 ) -> None:
     importing, fit, diagnose = commands[:3]
     without = re.sub(r"--map pressure_1_Pa=(\w+):bar", r"--ignore \1", importing)

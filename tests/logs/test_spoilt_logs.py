@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from ecm import import_log
 from ecm.errors import EcmError, InputError
 from ecm.io.table import read_table
-from support.neck import Done
+from support.neck import Command
 from support.spoilt_files import good_logs, spoilt
 
 SPOILT = 15
@@ -60,7 +59,7 @@ def test_a_spoilt_parquet_table_is_refused(logs: dict[str, bytes], tmp_path: Pat
 
 
 def test_the_command_ends_with_two_and_says_what_to_do(
-    logs: dict[str, bytes], tmp_path: Path, ecm_command: Callable[..., Done]
+    logs: dict[str, bytes], tmp_path: Path, ecm_command: Command
 ) -> None:
     path = tmp_path / "log.mat"
     path.write_bytes(logs["packed.mat"][:1500])
@@ -71,7 +70,7 @@ def test_the_command_ends_with_two_and_says_what_to_do(
 
 
 def test_control_characters_of_a_file_do_not_reach_the_terminal(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     rows = "".join(f"0.00{i},{i}.5,{i}\n" for i in range(1, 9))
     head = "x_m,fx_N,temp\x1b[31m\x9b2J\u202e\n"
@@ -94,7 +93,7 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
 
 
 def test_a_log_of_which_nobody_said_that_it_is_continuous_is_asked_about_in_a_refit(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     t = 0.01 * np.arange(400.0)
     x = 1e-3 * np.sin(t)

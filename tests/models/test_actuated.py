@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,18 +20,16 @@ from ecm.models.evaluation import pose_error
 from ecm.models.selection import choose_model
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
-from support.neck import ROOT, Done
+from support.driven import ARM, PRESSURES, VOLUMES, arm_table
+from support.neck import ROOT, Command
 
-PRESSURES = ("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa")
-VOLUMES = ("volume_1_m3", "volume_2_m3", "volume_3_m3")
-ARM = {"mechanism": {"length_m": 0.1}}
 ARM_FILE = ROOT / "examples" / "soft_arm.toml"
 
 
 @pytest.fixture(scope="module")
 def table() -> Table:
     """100 rows by FEM; the first 60 are fitted."""
-    return ecm.read_table(ROOT / "examples" / "soft_arm_pairs.csv")
+    return arm_table()
 
 
 @pytest.fixture(scope="module")
@@ -389,7 +386,7 @@ def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: 
 
 
 def test_a_few_rows_tell_the_modulus_and_the_gain_of_a_stated_body(
-    model: Model, table: Table, tmp_path: Path, ecm_command: Callable[..., Done]
+    model: Model, table: Table, tmp_path: Path, ecm_command: Command
 ) -> None:
     """A body of 0.8 times the modulus, whose chambers push by a tenth more than is recorded."""
     softer = {name: 0.8 * table[name] for name in WRENCH}
@@ -411,8 +408,7 @@ def test_a_few_rows_tell_the_modulus_and_the_gain_of_a_stated_body(
     few.write(tmp_path / "few.csv")
     (tmp_path / "few.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
     files = [tmp_path / name for name in ("few.csv", "stated.json", "real.json")]
-    done = ecm_command("fit", files[0], "--model", files[1], "--out", files[2])
-    assert done.code == 0, done.err
+    ecm_command("fit", files[0], "--model", files[1], "--out", files[2]).good()
     again = ecm.load_model(files[2]).predict(others)
     np.testing.assert_allclose(again, fitted.predict(others), rtol=1e-5, atol=1e-6)
     with pytest.raises(InputError, match="the table has the inputs none, and no pressure_1_Pa"):

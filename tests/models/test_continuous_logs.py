@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +16,15 @@ from ecm.cli.console import Console
 from ecm.comparison.reference_models import ReferenceModels
 from ecm.comparison.result import reference_blocks
 from ecm.diagnosis.procedure import STAGES, watched
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary
 from ecm.models.fit_summary import fit_summary
 from ecm.models.literature import GaussianProcessModel
 from ecm.regression.history import correlation_time
 from ecm.report.blocks import text_of
-from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns
+from support.neck import LENGTH_M, STIFFNESS, Command, csv_text, neck_columns
 
-F = np.ndarray[Any, np.dtype[np.float64]]
 CONTINUOUS = {"file": {"kind": "continuous"}}
 
 
@@ -93,13 +91,12 @@ def test_references_say_how_rows_were_held_out() -> None:
 
 
 def test_the_fit_of_a_log_says_what_its_samples_are_worth(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     path = tmp_path / "log.csv"
     path.write_text(csv_text(log(400, tau_s=0.1)), encoding="utf-8")
     (tmp_path / "log.toml").write_text('[file]\nkind = "continuous"\n', encoding="utf-8")
-    done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json")
-    assert done.code == 0, done.err
+    done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json").good()
     assert "400 samples every 0.01 s stay correlated for" in done.out
     said = "held out, 10 parts of stretches of time, 12 a run, share of the spread: fy_N "
     assert re.search(re.escape(said) + r"[\d.]+ %\n", done.out)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import PolynomialEvaluator, left_jacobians
 from ecm.errors import InputError
+from ecm.io.arrays import F, I
 from ecm.models import Model, fit_model
 from ecm.models.control_loop import ControlLoop, Gains, LoopSettings, design_loop
 from ecm.models.export import export_files
@@ -19,17 +19,13 @@ from support.campaigns import campaign
 from support.campaigns import model as physics_model
 from support.control_loops import errors_in_c, exported_to
 
-F = NDArray[np.float64]
-
 
 def designed(model: Model, settings: LoopSettings | None = None) -> ControlLoop:
     poses = poses_like_measured(model, 200)
     return design_loop(poses, model.base.stiffness(poses, "screw"), settings)
 
 
-def errors_after(
-    model: Model, loop: ControlLoop, softness: F, delay_steps: NDArray[np.int64], seconds: float
-) -> F:
+def errors_after(model: Model, loop: ControlLoop, softness: F, delay_steps: I, seconds: float) -> F:
     """(N, 6) distance from the held pose after a simulation of the loop, one case a pose.
 
     The loop of the example: rigid platform, semi-implicit steps, a mechanism without damping whose

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
-import os
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,12 +35,10 @@ from support.cortex_m import (
     rust_library,
     stated_stack,
 )
-from support.exports import adapter_library, done, loaded_library, written
+from support.exports import adapter_library, loaded_library, written
 from support.models import BRANCHES, with_effects, with_time
-from support.neck import ROOT, Done
-from support.programs import need_program
-
-Command = Callable[..., Done]
+from support.neck import ROOT, Command
+from support.programs import cargo, ended, need_program
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +56,9 @@ def test_the_c_loop_holds_the_platform(
     folder = written(fitted[name], tmp_path, "c", precision)
     for source in ("neck_check", "neck_control"):
         program = tmp_path / source
-        built = done(
-            gcc, "-std=c99", "-O2", *WARNINGS, folder / "neck.c", folder / f"{source}.c",
-            "-o", program,
-        )  # fmt: skip
-        assert built.returncode == 0, built.stderr
-        ran = done(program)
-        assert ran.returncode == 0, ran.stdout
+        sources = folder / "neck.c", folder / f"{source}.c"
+        ended(gcc, "-std=c99", "-O2", *WARNINGS, *sources, "-o", program)
+        ran = ended(program)
     assert "margins: gain times" in ran.stdout
     assert "held: the push moved the platform" in ran.stdout
     # The weight is fed forward: before the push nothing has moved.
@@ -83,9 +75,8 @@ def test_the_c_loop_holds_the_platform(
     for right, (wrong, reason) in broken.items():
         assert right in text
         loop.write_text(text.replace(right, wrong), encoding="utf-8")
-        done(gcc, "-O2", folder / "neck.c", loop, "-o", tmp_path / "wrong")
-        ran = done(tmp_path / "wrong")
-        assert ran.returncode == 1
+        ended(gcc, "-O2", folder / "neck.c", loop, "-o", tmp_path / "wrong")
+        ran = ended(tmp_path / "wrong", code=1)
         assert "not held: after" in ran.stdout
         assert reason in ran.stdout
 
@@ -98,9 +89,8 @@ def test_the_loop_waits_for_what_relaxes_slowly(
     gcc = need_program("gcc", "cc")
     slow = with_effects(fitted["energy4"], (StressRelaxation(8.0, "linear", frame="middle"), [1.0]))
     folder = written(slow, tmp_path, "c", precision)
-    done(gcc, "-O2", folder / "neck.c", folder / "neck_control.c", "-o", tmp_path / "loop")
-    ran = done(tmp_path / "loop")
-    assert ran.returncode == 0, ran.stdout
+    ended(gcc, "-O2", folder / "neck.c", folder / "neck_control.c", "-o", tmp_path / "loop")
+    ended(tmp_path / "loop")
 
 
 @pytest.mark.parametrize("core", list(BOARDS))
@@ -185,7 +175,7 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
         written(fitted["energy4"], folder / "neck", "rust", precision)
         library = rust_library(folder, level, precision)
         program = linked(folder, "cortex-m4", folder / "neck_check.c", library)
-        found[precision] = double.findall(done(nm, program).stdout)
+        found[precision] = double.findall(ended(nm, program).stdout)
     assert found.pop("single") == []
     assert all(found.values())
 
@@ -226,8 +216,8 @@ def test_no_compiler_warns_of_the_code(
         adapt = AdaptSettings(("modulus", "payload", "zero"))
         folder = written(model, tmp_path / name, "c", precision, adapt=adapt)
         for source in sorted(folder.glob("*.c")):
-            built = done(cc, "-std=c99", "-O2", *WARNINGS, "-c", source, "-o", folder / "o")
-            assert (built.returncode, built.stderr) == (0, ""), source.name
+            built = ended(cc, "-std=c99", "-O2", *WARNINGS, "-c", source, "-o", folder / "o")
+            assert built.stderr == "", source.name
 
 
 def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
@@ -265,8 +255,8 @@ def test_no_heap_and_no_libm(fitted: dict[str, Model], tmp_path: Path) -> None:
     gcc, nm = need_program("gcc"), need_program("nm")
     for name, model in fitted.items():
         folder = written(model, tmp_path / name, "c")
-        done(gcc, "-std=c99", "-O2", "-ffreestanding", "-c", folder / "neck.c", "-o", folder / "o")
-        listed = done(nm, "--undefined-only", folder / "o").stdout.split()
+        ended(gcc, "-std=c99", "-O2", "-ffreestanding", "-c", folder / "neck.c", "-o", folder / "o")
+        listed = ended(nm, "--undefined-only", folder / "o").stdout.split()
         assert set(listed) <= {"U", "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}, listed
 
 
@@ -322,8 +312,7 @@ def test_the_command_writes_the_files(
     ran = ecm_command(
         "export", tmp_path / "m.json", "--to", "c", "--out", out, "--name", "neck",
         "--json", tmp_path / "j.json",
-    )  # fmt: skip
-    assert ran.code == 0, ran.err
+    ).good()  # fmt: skip
     assert f"Next: cc -O2 {out}/neck.c" in ran.out
     document = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
     names, loop = document["files"], document["control_loop"]
@@ -355,7 +344,6 @@ def test_each_target_is_in_the_help() -> None:
 def test_a_polynomial_of_any_shape_is_a_crate(
     inputs: tuple[str, ...], outputs: tuple[str, ...], degree: int, precision: str, tmp_path: Path
 ) -> None:
-    cargo = need_program("cargo")
     table = campaign(seed=3).measured()
     columns = {name: table.column(name) for name in (*inputs, *outputs)}
     model = fit_model(as_table(columns), f"poly:{degree}")
@@ -364,9 +352,5 @@ def test_a_polynomial_of_any_shape_is_a_crate(
     oldest = re.search(r'^rust-version = "\S+"$', (ROOT / "Cargo.toml").read_text("utf-8"), re.M)
     assert oldest is not None
     assert oldest.group() in (folder / "Cargo.toml").read_text("utf-8").splitlines()
-    environment = {
-        **os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target"), "RUSTFLAGS": "-D warnings",
-    }  # fmt: skip
-    ran = done(cargo, "test", "--offline", "--test", "golden", cwd=folder, env=environment)
-    assert ran.returncode == 0, ran.stderr + ran.stdout
-    assert "2 passed" in ran.stdout
+    test = ("test", "--test", "golden")
+    assert "2 passed" in cargo(folder, tmp_path / "target", *test, RUSTFLAGS="-D warnings")

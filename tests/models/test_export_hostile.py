@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import io
-import subprocess
 import sys
 from pathlib import Path
 from zipfile import ZipFile
@@ -20,7 +19,7 @@ from ecm.models.export import export, export_files
 from ecm.models.export.simulators import fitted_expressions
 from support.exports import fitted, loaded_library, thousand_poses, written
 from support.models import with_time
-from support.programs import need_program
+from support.programs import ended, need_program
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +69,7 @@ def test_the_loader_takes_the_last_export_into_its_folder(tmp_path: Path) -> Non
     program = "import sys, neck_model as m; print(*m.value_and_stiffness(eval(sys.argv[1]))[0])"
     for kind in ("energy4", "energy6"):
         export(fitted(kind), "ros2", tmp_path, name="neck")
-        done = subprocess.run(
-            [sys.executable, "-c", program, repr(pose.tolist())],
-            cwd=tmp_path, capture_output=True, text=True, check=True,
-        )  # fmt: skip
+        done = ended(sys.executable, "-c", program, repr(pose.tolist()), cwd=tmp_path)
         expected = fitted(kind).base.predict(pose[None])[0]
         np.testing.assert_allclose(np.array(done.stdout.split(), float), expected, rtol=1e-9)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from support.campaigns import campaign
 from support.control_loops import errors_in_c, errors_in_rust, exported_to
 from support.exports import loaded_library
 from support.models import with_time
-from support.neck import Done
+from support.neck import Command
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +28,11 @@ def demo(quick_job: Path) -> Model:
 
 
 def test_the_result_of_the_loop_is_exported_and_errs_as_the_noise(
-    quick_job: Path, tmp_path: Path, ecm_command: Callable[..., Done]
+    quick_job: Path, tmp_path: Path, ecm_command: Command
 ) -> None:
     """The model with the effect that was found, in C, at the rows that it was measured at."""
     path = quick_job / "model-loop.json"
-    ran = ecm_command("export", path, "--to", "c", "--out", tmp_path, "--name", "neck")
-    assert ran.code == 0, ran.err
+    ran = ecm_command("export", path, "--to", "c", "--out", tmp_path, "--name", "neck").good()
     assert "holds 200 of 200 poses" in ran.out
     code, six = loaded_library(tmp_path / "neck.c"), ctypes.c_double * 6
     model = load_model(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from ecm.io.table import Table
 from ecm.models import load_model
 from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
 from support.campaigns import campaign, model, physics, with_change, workspace_poses
-from support.neck import Done, columns_of
+from support.neck import Command, columns_of
 
 
 def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
@@ -263,7 +262,7 @@ def test_a_clamp_that_would_push_is_no_shape_to_choose() -> None:
     assert get_effect("length_error").parameters[0].allows(-1.0)
 
 
-def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Callable[..., Done]) -> None:
+def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Command) -> None:
     """On another table frozen values stay to the last digit, and the rest moves."""
     own, other = tmp_path / "own.csv", tmp_path / "other.csv"
     with_effect("fts_offset", np.array([2.0, -1.0, 1.0, 0.05, -0.03, 0.02])).write(own)
@@ -271,8 +270,7 @@ def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Callable[.
     models = {name: tmp_path / f"{name}.json" for name in ("bare", "full", "kept", "base", "less")}
 
     def refitted(model: str, data: Path, out: str, *arguments: str) -> str:
-        done = ecm_command("refit", models[model], data, *arguments, "--out", models[out])
-        assert done.code == 0, done.err
+        done = ecm_command("refit", models[model], data, *arguments, "--out", models[out]).good()
         return done.out
 
     assert ecm_command("fit", own, "--model", "energy4", "--out", models["bare"]).code == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +12,8 @@ from ecm.diagnosis import diagnose
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
 from support.campaigns import campaign
-from support.neck import Done
+from support.neck import Command
 from support.stand_in import L
-
-Command = Callable[..., Done]
 
 
 def silent(hidden: str = "anisotropy") -> Table:
@@ -50,10 +47,9 @@ def test_the_energy_stands_among_the_references(energy: Model) -> None:
 def test_the_next_campaign_goes_home_to_the_rest_pose(tmp_path: Path, ecm_command: Command) -> None:
     silent("face_tilt").write(tmp_path / "d.csv")
     fit_model(campaign("face_tilt", 1.0, 4), "energy4").save(tmp_path / "m.json")
-    done = ecm_command(
+    ecm_command(
         "diagnose", tmp_path / "m.json", tmp_path / "d.csv", "--next", tmp_path / "p.csv"
-    )
-    assert done.code == 0, done.err
+    ).good()
     plan = read_table(tmp_path / "p.csv")
     assert plan.meta.length_m == L
     assert set(plan.column("x_m")[plan.text("kind") == "home"]) == {L}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -33,7 +32,7 @@ from ecm.models.measured_poses import (
 )
 from support.campaigns import campaign, physics
 from support.models import with_effects
-from support.neck import ROOT, Done, columns_of
+from support.neck import ROOT, Command, columns_of
 
 OF_POSE = [e.id for e in all_effects() if e.kind == "pose" and e.side == "physics"]
 
@@ -148,7 +147,7 @@ def test_every_effect_of_the_pose_is_folded_within_what_is_said_at_the_rows(
 
 
 def test_what_no_energy_holds_is_refused_with_the_effect_and_a_command_that_works(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     effects = [with_effect(base("energy6"), id, s).effects[0]
                for id, s in (("own_weight", 1.0), ("contact_stop", 8.0))]  # fmt: skip
@@ -168,12 +167,11 @@ def test_what_no_energy_holds_is_refused_with_the_effect_and_a_command_that_work
     assert "own_weight" not in typed
     typed[-1] = str(tmp_path / typed[-1])
     assert ecm_command(*typed[1:]).code == 0
-    ran = ecm_command("export", typed[-1], "--to", "c", "--out", tmp_path / "c")
-    assert ran.code == 0, ran.err
+    ran = ecm_command("export", typed[-1], "--to", "c", "--out", tmp_path / "c").good()
 
 
 def test_older_files_are_judged_at_loads_of_their_domain_or_at_given_rows(
-    tmp_path: Path, ecm_command: Callable[..., Done]
+    tmp_path: Path, ecm_command: Command
 ) -> None:
     new = with_effect(base("energy6"), "taper")
     model = older(new)

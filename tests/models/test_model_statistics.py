@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from ecm.models.fit import constrained
 from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, workspace_poses
-from support.neck import Done, columns_of
+from support.neck import Command, columns_of
 from support.stand_in import L, wrench
 
 HOME = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -286,15 +285,12 @@ def test_a_learning_curve_stops_where_it_is_flat() -> None:
         learning_curve(table, "energy4", [5000])
 
 
-def test_the_command_chooses_and_says_how_many_poses(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_the_command_chooses_and_says_how_many_poses(tmp_path: Path, ecm_command: Command) -> None:
     campaign(seed=3).write(tmp_path / "data.csv")
-    ran = ecm_command(
+    ecm_command(
         "fit", tmp_path / "data.csv", "--model", "choose", "--curve", "--out", tmp_path / "m.json",
         "--json", tmp_path / "j.json",
-    )  # fmt: skip
-    assert ran.code == 0, ran.err
+    ).good()  # fmt: skip
     said = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
     assert said["model"] == "energy4"
     listed = {(c["model"], c["pcr"]): c for c in said["choice"]["candidates"]}

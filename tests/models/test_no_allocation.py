@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 
 import pytest
 
-from support.exports import done, fitted
+from support.exports import fitted
 from support.neck import ROOT
-from support.programs import need_program
+from support.programs import cargo, ended
 
 MANIFEST = """[package]
 name = "allocations"
@@ -37,11 +36,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(ROOT / "Cargo.lock", folder / "Cargo.lock")
     shutil.copy(Path(__file__).parent / "allocations" / "main.rs", folder / "main.rs")
     target = ROOT / "target" / "allocations"
-    built = done(
-        need_program("cargo"), "build", "--release", "--offline",
-        cwd=folder, env={**os.environ, "CARGO_TARGET_DIR": str(target)},
-    )  # fmt: skip
-    assert built.returncode == 0, built.stderr
+    cargo(folder, target, "build", "--release")
     return target / "release" / "allocations"
 
 
@@ -49,6 +44,5 @@ def test_a_thousand_evaluations_allocate_nothing(program: Path, tmp_path: Path) 
     files = [tmp_path / f"{name}.json" for name in ("energy6", "cubic")]
     for file in files:
         fitted(file.stem).save(file)
-    counted = done(program, *files)
-    assert counted.returncode == 0, counted.stderr
+    counted = ended(program, *files)
     assert [line.split()[0] for line in counted.stdout.splitlines()] == ["0", "0"]

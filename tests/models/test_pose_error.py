@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,13 @@ from scipy.optimize import root
 
 import ecm
 from ecm._native import rotation_matrices, rotation_vectors
+from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, fit_model
 from ecm.models.evaluation import pose_error
 from ecm.regression.noise import Noise
-from support.neck import Done, columns_of
+from support.neck import Command, columns_of
 
-F = np.ndarray
 REST = np.array([0.1034, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
@@ -160,9 +159,7 @@ def test_axes_without_their_wrench_are_held(
         assert found.sentence().startswith("No pose error: it needs a pose column that varies")
 
 
-def test_every_face_says_the_same(
-    tmp_path: Path, neck_csv: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_every_face_says_the_same(tmp_path: Path, neck_csv: Path, ecm_command: Command) -> None:
     """`ecm fit`, the model file, its fit report, `ecm compare` with its JSON and page."""
     model, fitted, found, page = (tmp_path / name for name in ("m.json", "f", "c", "p.html"))
     done = ecm_command("fit", neck_csv, "--model", "quadratic", "--out", model, "--json", fitted)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,9 @@ from ecm.models.physics.family import PhysicsFamily
 from ecm.models.physics.map import PhysicsMap, physics_map
 from ecm.models.prediction import predict
 from support.campaigns import physics, workspace_poses
-from support.neck import Done, columns_of
+from support.neck import Command, columns_of
 from support.stand_in import L
 
-Command = Callable[..., Done]
 REACH_RAD = 1.1
 
 
@@ -63,8 +61,7 @@ def test_the_physics_of_a_toml_is_as_wide_as_the_data(
     monkeypatch.chdir(tmp_path)
     far_table().write("d.csv")
     Path("body.toml").write_text(f"[mechanism]\nlength_m = {L}\n", encoding="utf-8")
-    done = ecm_command(*command)
-    assert done.code == 0, done.err
+    ecm_command(*command).good()
     assert asked == [pytest.approx(REACH_RAD)]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import runpy
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from ecm.effects import effects_for, get_effect
 from ecm.io.columns import POSE_OFFSETS, STANDARD, is_standard
 from ecm.io.table import read_table
-from support.neck import ROOT, Done
+from support.neck import ROOT, Command
 
 DOCS = ROOT / "docs"
 WRITER, EFFECTS, WORDS = (
@@ -63,13 +62,9 @@ def test_a_docstring_says_what_each_parameter_of_each_form_is(path: Path) -> Non
 
 @pytest.mark.parametrize(("dof", "columns"), [("1", 2), ("3", 6), ("6", 12)])
 def test_a_template_of_each_size_is_checked_and_fitted(
-    dof: str, columns: int, tmp_path: Path, ecm_command: Callable[..., Done]
+    dof: str, columns: int, tmp_path: Path, ecm_command: Command
 ) -> None:
-    made = ecm_command("new", "data", "--dof", dof, "--out", tmp_path / "d.csv")
-    assert made.code == 0, made.err
+    ecm_command("new", "data", "--dof", dof, "--out", tmp_path / "d.csv").good()
     table = read_table(tmp_path / "d.csv")
     assert len((*table.pose_columns, *table.wrench_columns)) == columns
-    fitted = ecm_command(
-        "fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json"
-    )
-    assert fitted.code == 0, fitted.err
+    ecm_command("fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json").good()

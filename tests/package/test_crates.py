@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from typing import Any
 
 import pytest
 
+from ecm.io.settings import read_toml
 from release.version import oldest_rust
 from support.neck import ROOT
-from support.programs import need_program, need_rust_target
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from support.programs import cargo, ended, need_program, need_rust_target
 
 CRATES = sorted((ROOT / "crates").glob("ecm-*"))
 PUBLISHED = [c for c in CRATES if c.name != "ecm-py"]
@@ -28,9 +21,8 @@ WINDOWS = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
 @pytest.fixture(scope="module")
 def packages() -> list[dict[str, Any]]:
     """What cargo knows of every package, dependencies included."""
-    cargo = need_program("cargo")
-    command = [cargo, "metadata", "--format-version", "1", "--locked", "--offline"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    command = [need_program("cargo"), "metadata", "--format-version", "1", "--locked", "--offline"]
+    done = ended(*command, cwd=ROOT)
     return list(json.loads(done.stdout)["packages"])
 
 
@@ -46,7 +38,7 @@ def allowed(expression: str, licences: set[str]) -> bool:
 
 
 def test_every_dependency_has_a_licence_of_deny_toml(packages: list[dict[str, Any]]) -> None:
-    rules = tomllib.loads((ROOT / "deny.toml").read_text(encoding="utf-8"))
+    rules = read_toml(ROOT / "deny.toml")
     licences = set(rules["licenses"]["allow"])
     refused = {
         p["name"]: p["license"] for p in packages if not allowed(p["license"] or "", licences)
@@ -100,7 +92,7 @@ def test_an_archive_is_listed_without_a_warning(crate: str) -> None:
     command = [
         need_program("cargo"), "package", "--list", "--allow-dirty", "--offline", "-p", crate,
     ]  # fmt: skip
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    done = ended(*command, cwd=ROOT)
     assert "warning" not in done.stderr
     names = done.stdout.split()
     assert {"README.md", "LICENSE-MIT", "LICENSE-APACHE"} <= set(names)
@@ -142,17 +134,10 @@ def test_enums_that_may_grow_are_matched_with_a_rest() -> None:
 @pytest.mark.parametrize("features", ["", "alloc"])
 def test_ecm_poly_builds_for_a_cortex_m(features: str) -> None:
     need_rust_target("thumbv7em-none-eabihf")
-    command = [
-        need_program("cargo"), "check", "--release", "--quiet", "--offline", "-p", "ecm-poly",
-        "--no-default-features", "--features", features, "--target", "thumbv7em-none-eabihf",
-    ]  # fmt: skip
+    command = ["check", "--release", "--quiet", "-p", "ecm-poly", "--no-default-features"]
+    command += ["--features", features, "--target", "thumbv7em-none-eabihf"]
     # Where the test of allocations has compiled what the crate's macros need.
-    target = str(ROOT / "target" / "allocations")
-    environment = {**os.environ, "RUSTFLAGS": "-D warnings", "CARGO_TARGET_DIR": target}
-    done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment
-    )
-    assert done.returncode == 0, done.stderr
+    cargo(ROOT, ROOT / "target" / "allocations", *command, RUSTFLAGS="-D warnings")
 
 
 def test_model_files_open_with_alloc_alone() -> None:

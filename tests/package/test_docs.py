@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import re
 import runpy
-import subprocess
 import sys
 from collections.abc import Iterator
 from functools import lru_cache
@@ -23,6 +22,7 @@ from ecm.errors import Remedy
 from ecm.io.settings import read_toml
 from support.neck import ROOT
 from support.pages import blocks
+from support.programs import ended
 
 PAGES = sorted(
     [
@@ -292,7 +292,4 @@ def test_the_scripts_that_draw_pages_pictures_need_no_package_of_the_tests() -> 
     begin = f"import runpy, sys; sys.modules.update(dict.fromkeys({only_dev})); sys.path[:0] = "
     for script in scripts:
         load = f"{begin}['docs']; runpy.run_path({script!r}, run_name='loaded')"
-        done = subprocess.run(
-            [sys.executable, "-c", load], cwd=ROOT, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, f"{script}: {done.stderr}"
+        ended(sys.executable, "-c", load, cwd=ROOT)

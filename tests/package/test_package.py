@@ -18,6 +18,7 @@ import ecm
 from ecm.cli.app import COMMANDS
 from ecm.io.settings import read_toml
 from support.neck import ROOT, csv_text, neck_columns
+from support.programs import ended
 
 
 @pytest.mark.parametrize("name", ecm.__all__)
@@ -78,9 +79,7 @@ def test_a_verb_is_a_function_and_no_module_has_its_name(name: str) -> None:
 )
 def test_a_command_loads_only_what_it_uses(code: str, not_loaded: tuple[str, ...]) -> None:
     script = f"{code}\nimport sys\nprint([n for n in {not_loaded!r} if n in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
+    done = ended(sys.executable, "-c", script)
     assert done.stdout.splitlines()[-1] == "[]"
 
 
@@ -91,9 +90,7 @@ def test_the_help_of_the_program_comes_from_few_modules() -> None:
         "from ecm.cli import run; run(['--help'])\n"
         "print(*sorted(set(sys.modules) - bare), sep=',')"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
+    done = ended(sys.executable, "-c", script)
     modules = done.stdout.splitlines()[-1].split(",")
     assert "ecm.cli.app" in modules
     assert len(modules) < 130
@@ -111,10 +108,7 @@ THREADS = (
 def in_a_process(*code: str) -> list[str]:
     """Lines that it prints, where BLAS would take two threads."""
     wanted = {"OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(code)],
-        capture_output=True, text=True, check=True, env={**os.environ, **wanted},
-    )  # fmt: skip
+    done = ended(sys.executable, "-c", "\n".join(code), env={**os.environ, **wanted})
     return done.stdout.splitlines()
 
 

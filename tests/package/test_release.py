@@ -12,18 +12,12 @@ from zipfile import ZipFile
 import pytest
 import yaml
 
+from ecm.io.settings import read_toml
 from release import check, foreign, size, version, wheels, wine
 from support.neck import ROOT
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-REPOSITORY = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"][
-    "package"
-]["repository"]
+PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
+REPOSITORY = read_toml(ROOT / "Cargo.toml")["workspace"]["package"]["repository"]
 
 
 @pytest.fixture(scope="module")

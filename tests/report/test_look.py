@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 
+from ecm.io.arrays import F
 from ecm.report.blocks import WEB
 
-F = np.ndarray
 # Machado, Oliveira, Fernandes 2009: linear RGB as seen without one kind of cone.
 WITHOUT = {
     "red": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],

@@ -5,9 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm._native import EnergyEvaluator
+from ecm.io.arrays import F
 from ecm.rig.arm import simulation as arm
 from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.simulation import (
@@ -22,8 +22,6 @@ from ecm.rig.arm.simulation import (
 from ecm.rig.arm.trips import Stop, cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench
-
-F = NDArray[np.float64]
 
 
 def simulation(step_s: float = 1e-3, payload_kg: float = 0.0) -> Simulation:
@@ -294,7 +292,7 @@ def test_energy_is_conserved_with_the_mechanism_attached_and_damping_off() -> No
     assert abs(coarse[-100:].mean() - coarse[:100].mean()) < 0.01
 
 
-def stability_number(sim: Simulation, stiffness: NDArray[np.float64]) -> float:
+def stability_number(sim: Simulation, stiffness: F) -> float:
     """Time step times the fastest angular frequency; explicit integration needs less than 2."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     fastest = np.linalg.eigvals(sim.compliance() @ symmetric).real.max()

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
@@ -26,9 +26,8 @@ from ecm.rig.hidden.inject import Whitener
 from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT
+from support.programs import ended
 from support.stand_in import StandIn, some_poses
-
-F = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -237,9 +236,7 @@ def test_a_full_disk_keeps_all_poses_before_it(
     script = SMALL_DISK.format(
         tests=str(ROOT / "tests"), cache=str(cache), out=str(out), word=word, most=most
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=True
-    )
+    done = ended(sys.executable, "-c", script)
     assert "All readings before it are kept" in done.stdout
     assert 3 <= steps(cache, poses, out)[word][0] < 8
     assert files(tmp_path / "b") == files(tmp_path / "a")

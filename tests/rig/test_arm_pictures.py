@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from ecm.rig.arm.simulation import mujoco
 from ecm.rig.arm.trips import Stop
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import REST, arm_setup, library, plan, settings
-from support.neck import Done
+from support.neck import Command
 from support.stand_in import L, StandIn, some_poses
 
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
@@ -107,9 +106,7 @@ def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
         mujoco()
 
 
-def test_the_command_drives_the_arm_on_fem(
-    tmp_path: Path, ecm_command: Callable[..., Done]
-) -> None:
+def test_the_command_drives_the_arm_on_fem(tmp_path: Path, ecm_command: Command) -> None:
     poses = some_poses(6, seed=2)
     names = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
     rows = "\n".join(",".join(f"{v:.9g}" for v in pose) for pose in poses)
@@ -124,8 +121,7 @@ def test_the_command_drives_the_arm_on_fem(
     out = tmp_path / "data.csv"
     done = ecm_command(
         "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out", out
-    )
-    assert done.code == 0, done.err
+    ).good()
     assert "6 of 6 poses reached" in done.out
     assert "after the impedance phase" in done.out
     found: dict[str, Any] = json.loads((tmp_path / "data.robot.json").read_text())

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ecm.io.arrays import F
 from ecm.rig.arm.mechanism import ControllerModel
 from ecm.rig.arm.simulation import (
     Diverged,
@@ -29,7 +29,6 @@ from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.neck import ROOT
 from support.stand_in import L, some_poses
 
-F = NDArray[np.float64]
 GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
 
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calibration import zero_left
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.se3 import rotation, seen_from, wrench_adjoint
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import calibrated, sensor_frame, target_frame
 from ecm.rig.instruments import zero_at
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
-F = NDArray[np.float64]
 NOISE = {"force_sd_N": 0.1, "torque_sd_Nm": 0.003}
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
@@ -18,8 +17,6 @@ from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.plant import residual
 from ecm.rig.readings import BESIDE, Journal
 from support.stand_in import StandIn, Stop, error_of, plan_of, some_poses, stop_at
-
-F = NDArray[np.float64]
 
 
 def test_with_nothing_hidden_only_the_declared_noise_is_left() -> None:

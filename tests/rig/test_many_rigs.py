@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from ecm.io.table import Table, read_table
 from ecm.rig import CampaignOptions, RigSettings, reveal, run_campaign, run_campaigns
 from ecm.rig.run import rig_paths
 from support.meshes import block_mesh
-from support.neck import Done
+from support.neck import Command
 from support.programs import need_program
 from support.stand_in import Stop, stop_at
 
@@ -191,21 +190,20 @@ def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> Non
     assert files(there) == files(here)
 
 
-def test_the_command_runs_many_rigs(tmp_path: Path, ecm_command: Callable[..., Done]) -> None:
+def test_the_command_runs_many_rigs(tmp_path: Path, ecm_command: Command) -> None:
     plan().write(tmp_path / "plan.csv")
     (tmp_path / "rig.toml").write_text('[hidden]\neffect = "none"\n', encoding="utf-8")
     done = ecm_command(
         "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out",
         tmp_path / "d.csv", "--rigs", 2,
-    )  # fmt: skip
-    assert done.code == 0, done.err
+    ).good()  # fmt: skip
     assert "2 rigs" in done.out
     assert reveal(tmp_path / "d-0001.csv").effects == ()
 
 
 @pytest.mark.parametrize("many", [(), ("--rigs", 2)])
 def test_the_command_overwrites_nothing_unasked(
-    tmp_path: Path, ecm_command: Callable[..., Done], many: tuple[object, ...]
+    tmp_path: Path, ecm_command: Command, many: tuple[object, ...]
 ) -> None:
     plan().write(tmp_path / "plan.csv")
     (tmp_path / "rig.toml").write_text("", encoding="utf-8")
@@ -215,8 +213,7 @@ def test_the_command_overwrites_nothing_unasked(
         "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out",
         tmp_path / "d.csv", *many,
     )  # fmt: skip
-    done = ecm_command(*command)
-    assert done.code == 2
+    done = ecm_command(*command).refused()
     assert f"{theirs.name}: a table stands there" in done.err.replace("\n", "")
     assert "--overwrite" in done.err
     assert theirs.read_text() == "measured yesterday\n"

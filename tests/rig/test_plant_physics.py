@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
+from ecm.io.arrays import F
 from ecm.io.se3 import rotate, rotation, seen_from
 from ecm.rig.instruments import zero_at
 from ecm.rig.physics import Conditions
@@ -20,7 +20,6 @@ from ecm.rig.physics.material import Hysteresis, Relaxation, Softening, Temperat
 from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import L, some_poses, stiffness, wrench
 
-F = NDArray[np.float64]
 REST = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 ROOT = np.array([1.0, 1.0, 1.0, L, L, L])
 

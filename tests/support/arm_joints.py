@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.io.arrays import F
 from ecm.rig import RigSettings
 from ecm.rig.arm.simulation import inverse_kinematics, scene, swivel_angle
 from support.stand_in import L
-
-F = NDArray[np.float64]
 
 
 def joints_of(poses: F, elbow_rad: F) -> F:

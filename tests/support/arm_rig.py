@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, plan_of, some_poses, wrench
@@ -22,7 +22,6 @@ from ecm.rig.arm.mechanism import compile_model, controller_document, fit_surrog
 from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
 from support.programs import need_program
 
-F = NDArray[np.float64]
 REST: F = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 FAST: dict[str, Any] = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1}
 """The quick arm of the tests."""

@@ -6,12 +6,12 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.verdict import Decision
 from ecm.effects import all_effects, get_effect
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
@@ -19,7 +19,6 @@ from ecm.models import Model, PhysicsMap, surrogate_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, wrench
 
-F = NDArray[np.float64]
 NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
 INSTRUMENT = Instrument(
     pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01

@@ -17,19 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, load_model
 from ecm.models.partial import measured_part
 from ecm.workflow.app.steps import Files, command_of
 from support.exports import loaded_library
-from support.neck import ROOT, SHARED_DATA, Done, csv_text
+from support.neck import ROOT, SHARED_DATA, Command, Done, csv_text
 
-F = NDArray[np.float64]
-B = NDArray[np.bool_]
-Command = Callable[..., Done]
 BASES = ("linear", "cubic", "choose", "energy4", "energy5", "energy6", "physics", "rod")
 TARGETS = ("c", "rust", "mujoco", "drake", "ros2", "fmu", "opensim", "simulink", "pinocchio")
 _PROMISED = 1.05

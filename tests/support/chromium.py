@@ -119,15 +119,20 @@ class Page:
             )  # fmt: skip
             self.call("Input.dispatchKeyEvent", type="keyUp", key=name, windowsVirtualKeyCode=code)
 
-    def tab_to(self, selector: str, seconds: float = 60.0) -> None:
+    def tab_to(self, selector: str) -> None:
         """Go to an element with the Tab key alone."""
         at = json.dumps(selector)
-        self.until(f"!document.querySelector({at}).disabled", seconds)
+        self.until(f"!document.querySelector({at}).disabled")
         for _ in range(300):
             if self.js(f"document.activeElement.matches({at})"):
                 return
             self.keys("Tab")
         raise AssertionError(f"the Tab key does not reach {selector}")
+
+    def enter(self, selector: str) -> None:
+        """Press an element by the Tab key and Enter alone."""
+        self.tab_to(selector)
+        self.keys("Enter")
 
     def finger(self, *points: tuple[float, float]) -> None:
         """Put a finger down at the first point of the window, drag it along, and lift it."""

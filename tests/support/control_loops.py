@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import itertools
-import os
 import subprocess
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.models import Model
 from ecm.models.export import Exported
 from support.exports import exported, written
-from support.programs import need_program
+from support.programs import cargo, ended, need_program
 
-F = NDArray[np.float64]
 CASES = np.array(list(itertools.product((0.8, 1.2), range(4))))
 """Stiffness of the plant over the model's, and steps of delay."""
 C_MAIN = """
@@ -106,16 +104,10 @@ def errors_in_rust(exported: Exported, folder: Path, steps: int = 1000) -> tuple
     program = RUST_MAIN.replace("REAL", real).replace("STEPS_RUN", str(steps // 2))
     many.write_text(loop + program, encoding="utf-8")
     target = folder / "target"
-    settings = {"cwd": folder, "env": {**os.environ, "CARGO_TARGET_DIR": str(target)}}
-    build = [need_program("cargo"), "build", "--release", "--offline", "--examples"]
-    built = subprocess.run(build, capture_output=True, text=True, check=False, **settings)  # type: ignore[call-overload]
-    assert built.returncode == 0, built.stderr
+    cargo(folder, target, "build", "--release", "--examples")
     programs = target / "release" / "examples"
-    said = subprocess.run([programs / "control"], capture_output=True, text=True, check=False)
-    assert said.returncode == 0, said.stderr
+    said = ended(programs / "control")
     told = " ".join(repr(float(x)) for x in cases_of(exported).ravel())
-    ran = subprocess.run(
-        [programs / "many"], input=told, capture_output=True, text=True, check=True
-    )
+    ran = ended(programs / "many", input=told)
     errors = np.array([float(line) for line in ran.stdout.split()])
     return errors.reshape(-1, 2), said.stdout

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import subprocess
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ecm.io.arrays import F
 from ecm.models import Model, fit_model
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import Exported, export_files
 from support.campaigns import campaign, workspace_poses
-from support.programs import need_program
+from support.programs import cargo, ended, need_program
 
-F = NDArray[np.float64]
 HEAD = LoopSettings(mass_kg=0.5, inertia_kg_m2=5e-4)
 """A platform for simulations."""
 _EXPORTED: dict[tuple[object, ...], tuple[Model, Exported]] = {}
@@ -42,33 +37,18 @@ def written(model: Model, folder: Path, target: str, precision: str = "double", 
     return folder
 
 
-def done(*command: object, **settings: object) -> subprocess.CompletedProcess[str]:
-    """A program that has run."""
-    return subprocess.run(
-        [str(part) for part in command],
-        capture_output=True, text=True, check=False, timeout=600, **settings,
-    )  # type: ignore[call-overload,no-any-return]  # fmt: skip
-
-
 def loaded_library(*sources: object) -> ctypes.CDLL:
     """The shared library of C sources and what is linked to them, beside the first of them."""
     library = Path(str(sources[0])).with_suffix(".so")
-    built = done(
-        need_program("gcc", "cc"), "-std=c99", "-O2", "-shared", "-fPIC", *sources, "-o", library
-    )
-    assert built.returncode == 0, built.stderr
+    ended(need_program("gcc", "cc"), "-std=c99", "-O2", "-shared", "-fPIC", *sources, "-o", library)
     return ctypes.CDLL(str(library))
 
 
 def adapter_library(folder: Path, *options: object) -> Path:
     """The static library of the exported crate `neck_adapt` in a folder, as its header says."""
     target = folder / "target"
-    built = done(
-        need_program("cargo"), "build", "--release", "--offline", *options,
-        "--manifest-path", folder / "neck_adapt" / "Cargo.toml",
-        env={**os.environ, "CARGO_TARGET_DIR": str(target), "RUSTFLAGS": "-D warnings"},
-    )  # fmt: skip
-    assert built.returncode == 0, built.stderr
+    crate = folder / "neck_adapt"
+    cargo(crate, target, "build", "--release", *options, RUSTFLAGS="-D warnings")
     return next(target.glob("**/release/libneck_adapt.a"))
 
 

@@ -10,9 +10,8 @@ from xml.etree import ElementTree
 from zipfile import ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
-F = NDArray[np.float64]
+from ecm.io.arrays import F
 
 
 class Instance:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm._native import EnergyEvaluator
+from ecm.io.arrays import F
 from ecm.models import EnergyMap
 from neck import TrueEffect, TrueNeck
 from support.neck import LENGTH_M, STIFFNESS
-
-F = NDArray[np.float64]
 
 
 def neck_pairs(n: int, seed: int = 0) -> tuple[F, F]:

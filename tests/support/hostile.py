@@ -9,6 +9,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -79,81 +80,53 @@ def se3_calls() -> Iterator[tuple[str, Call]]:
 
 def fit_calls() -> Iterator[tuple[str, Call]]:
     """Polynomial and energy models of the native module."""
+    poly = native.PolynomialEvaluator
+
+    def fitted(*given: Any, **options: Any) -> Any:
+        return model_numbers(poly.fit(*given, **options))
+
+    def energy(*given: Any, **options: Any) -> Any:
+        made = native.EnergyEvaluator.fit(*given, **{"length_m": 0.1, "degree": 2, **options})
+        return model_numbers(made)
+
     good = matrices(2)["ordinary"]
-    fitted = native.PolynomialEvaluator.fit(good, good, 2)
+    model = poly.fit(good, good, 2)
     for name, m in matrices(2).items():
-        for method in ("least_squares", "ridge", "pcr"):
-            for value in (0.1, *NUMBERS[4:]):
-                yield (
-                    f"fit {name} {method} {value}",
-                    lambda m=m, how=method, v=value: model_numbers(
-                        native.PolynomialEvaluator.fit(m, m, 2, method=how, ridge=v, threshold=v)
-                    ),
-                )
+        for how in ("least_squares", "ridge", "pcr"):
+            for v in (0.1, *NUMBERS[4:]):
+                options = {"method": how, "ridge": v, "threshold": v}
+                yield f"fit {name} {how} {v}", partial(fitted, m, m, 2, **options)
         weights = m[:, 0] if m.shape[1] else m.sum(axis=1)
-        yield (
-            f"fit weights {name}",
-            lambda w=weights: model_numbers(
-                native.PolynomialEvaluator.fit(good[: len(w)], good[: len(w)], 1, weights=w)
-            ),
-        )
-        for call in (fitted.predict, fitted.jacobian, fitted.leverage, fitted.prediction_sd):
-            yield f"{call.__name__} {name}", lambda m=m, call=call: call(m)
-        yield (
-            f"leave_one_out {name}",
-            lambda m=m: native.PolynomialEvaluator.leave_one_out(m, m, 1)[0],
-        )
+        some = good[: len(weights)]
+        yield f"fit weights {name}", partial(fitted, some, some, 1, weights=weights)
+        for call in (model.predict, model.jacobian, model.leverage, model.prediction_sd):
+            yield f"{call.__name__} {name}", partial(call, m)
+        yield f"leave_one_out {name}", lambda m=m: poly.leave_one_out(m, m, 1)[0]
+        if len(m) == 0:
+            continue
         yield (
             f"polynomial_regressor {name}",
-            lambda m=m: native.polynomial_regressor(good, 2, m[0], m[-1]) if len(m) else None,
+            partial(native.polynomial_regressor, good, 2, m[0], m[-1]),
         )
         yield (
             f"polynomial from_coefficients {name}",
-            lambda m=m: (
-                native.PolynomialEvaluator.from_coefficients(1, m[0], m[-1], m[:3]).predict(good)
-                if len(m)
-                else None
-            ),
+            lambda m=m: poly.from_coefficients(1, m[0], m[-1], m[:3]).predict(good),
         )
     for degree in (0, 1, 20, 21, 2**40):
-        yield f"exponents {degree}", lambda d=degree: native.polynomial_exponents(2, d)
-        yield f"exponents of none {degree}", lambda d=degree: native.polynomial_exponents(0, d)
+        yield f"exponents {degree}", partial(native.polynomial_exponents, 2, degree)
+        yield f"exponents of none {degree}", partial(native.polynomial_exponents, 0, degree)
     spread = np.array([1e-2, 1e-2, 1e-2, 0.3, 0.3, 0.3])
     poses = spread * np.random.default_rng(2).uniform(-1.0, 1.0, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
-    energy = native.EnergyEvaluator.fit(poses, poses, length_m=0.1, degree=2)
+    one = native.EnergyEvaluator.fit(poses, poses, length_m=0.1, degree=2)
     for name, m in matrices(6).items():
-        yield (
-            f"energy fit {name}",
-            lambda m=m: model_numbers(native.EnergyEvaluator.fit(m, m, length_m=0.1, degree=2)),
-        )
-        yield (
-            f"energy wrenches {name}",
-            lambda m=m: model_numbers(
-                native.EnergyEvaluator.fit(poses[: len(m)], m, length_m=0.1, degree=2)
-            ),
-        )
-        for call in (
-            energy.predict,
-            energy.stiffness,
-            energy.energy_J,
-            energy.prediction_covariance,
-        ):
-            yield f"energy {call.__name__} {name}", lambda m=m, call=call: call(m)
-    for value in NUMBERS:
-        yield (
-            f"energy length {value}",
-            lambda v=value: model_numbers(
-                native.EnergyEvaluator.fit(poses, poses, length_m=v, degree=2)
-            ),
-        )
-        yield (
-            f"energy covariance {value}",
-            lambda v=value: model_numbers(
-                native.EnergyEvaluator.fit(
-                    poses, poses, length_m=0.1, degree=2, covariance=np.full((30, 6, 6), v)
-                )
-            ),
-        )
+        yield f"energy fit {name}", partial(energy, m, m)
+        yield f"energy wrenches {name}", partial(energy, poses[: len(m)], m)
+        for call in (one.predict, one.stiffness, one.energy_J, one.prediction_covariance):
+            yield f"energy {call.__name__} {name}", partial(call, m)
+    for v in NUMBERS:
+        covariance = np.full((30, 6, 6), v)
+        yield f"energy length {v}", partial(energy, poses, poses, length_m=v)
+        yield f"energy covariance {v}", partial(energy, poses, poses, covariance=covariance)
 
 
 def model_numbers(model: Any) -> Any:
@@ -163,22 +136,19 @@ def model_numbers(model: Any) -> Any:
 
 def design_calls() -> Iterator[tuple[str, Call]]:
     """Searches of designs of the native module and of `optimal_design`."""
+    few = {"iterations": 2, "starts": 2}
     for name, m in matrices(3).items():
         for criterion, _, _ in native.criteria():
             yield (
                 f"optimal_design {criterion} {name}",
                 lambda m=m, c=criterion: ecm.optimal_design(
-                    m, 5, ecm.DesignSettings(criterion=c, model="linear", iterations=2, starts=2)
+                    m, 5, ecm.DesignSettings(criterion=c, model="linear", **few)
                 ),
             )
             if criterion != "maximin":
-                yield (
-                    f"d_optimal {criterion} {name}",
-                    lambda m=m, c=criterion: native.d_optimal(
-                        m, 5, criterion=c, iterations=2, starts=2, region=m
-                    ),
-                )
-        yield f"maximin {name}", lambda m=m: native.maximin(m, 4, iterations=1, starts=2)
+                options = {"criterion": criterion, "region": m, **few}
+                yield f"d_optimal {criterion} {name}", partial(native.d_optimal, m, 5, **options)
+        yield f"maximin {name}", partial(native.maximin, m, 4, iterations=1, starts=2)
     good = matrices(3)["ordinary"]
     lists = {"none": [], "all": range(12), "most": range(3, 12), "negative": [-1], "far": [99]}
     for n in (0, 1, 3, 12, 13, 2**62):
@@ -186,30 +156,18 @@ def design_calls() -> Iterator[tuple[str, Call]]:
             chosen = np.array(list(rows), dtype=np.int64)
             for key in ("include", "exclude"):
                 options = {key: chosen, "iterations": 1, "starts": 2}
-                yield (
-                    f"d_optimal {n} {key} {label}",
-                    lambda n=n, o=options: native.d_optimal(good, n, **o),
-                )
-                yield (
-                    f"maximin {n} {key} {label}",
-                    lambda n=n, o=options: native.maximin(good, n, **o),
-                )
-    extremes: list[dict[str, Any]] = (
-        [
-            {"starts": 0},
-            {"starts": 2**62},
-            {"threads": 2**62},
-            {"rows_per_pose": 0},
-            {"rows_per_pose": 2**62},
-            {"rows_per_pose": 5},
-            {"criterion": "z"},
-            {"method": "z"},
-        ]
-        + [{"time_limit_s": v, "iterations": 1} for v in NUMBERS if not v > 1e9]
-        + [{"criterion": "di", "share": v, "iterations": 1} for v in NUMBERS]
-    )
+                for search in (native.d_optimal, native.maximin):
+                    name = f"{search.__name__} {n} {key} {label}"
+                    yield name, partial(search, good, n, **options)
+    extremes: list[dict[str, Any]] = [
+        *[{"starts": n} for n in (0, 2**62)],
+        *[{"rows_per_pose": n} for n in (0, 2**62, 5)],
+        *[{"threads": 2**62}, {"criterion": "z"}, {"method": "z"}],
+        *[{"time_limit_s": v, "iterations": 1} for v in NUMBERS if not v > 1e9],
+        *[{"criterion": "di", "share": v, "iterations": 1} for v in NUMBERS],
+    ]
     for options in extremes:
-        yield f"d_optimal {options}", lambda o=options: native.d_optimal(good, 5, **o)
+        yield f"d_optimal {options}", partial(native.d_optimal, good, 5, **options)
 
 
 def tables() -> dict[str, dict[str, Any]]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-
-F = NDArray[np.float64]
-
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,6 +43,10 @@ class Done:
         """The same, of a command that refused its input."""
         assert self.code == 2, f"{self.code}: {self.out}{self.err}"
         return self
+
+
+Command = Callable[..., Done]
+"""The fixture `ecm_command`: arguments to what the command left."""
 
 
 def saved(path: Path, text: str) -> Path:

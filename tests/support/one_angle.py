@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from ecm.io.arrays import F
 from ecm.io.table import Table
 
-F = NDArray[np.float64]
 NOISE_NM = 0.01
 META = {"instrument": {"torque_sd_Nm": NOISE_NM, "pose_rotation_sd_rad": 1e-5}}
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -26,6 +25,7 @@ import pytest
 
 from ecm.cli import run as ecm
 from support.neck import ROOT
+from support.programs import ended
 
 FENCE = re.compile(r"^```(\w+)(?: +(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -52,10 +52,7 @@ def run(command: list[str], cwd: Path, where: str) -> str:
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "COLUMNS": "100",
     }
-    done = subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, env=environment, timeout=600, check=False
-    )
-    assert done.returncode == 0, f"{where} failed:\n{done.stdout}\n{done.stderr}"
+    done = ended(*command, cwd=cwd, env=environment)
     return done.stdout
 
 

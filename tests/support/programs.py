@@ -13,6 +13,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 
 def need_program(*names: str) -> str:
@@ -23,6 +24,22 @@ def need_program(*names: str) -> str:
             return found
     _missing(f"{names[0]} is not installed (see apt.txt)")
     return ""
+
+
+def ended(*command: object, code: int = 0, **settings: Any) -> subprocess.CompletedProcess[str]:
+    """A program that has run and left this exit code."""
+    asked = [str(part) for part in command]
+    settings = {"capture_output": True, "text": True, "timeout": 600, **settings}
+    done = subprocess.run(asked, check=False, **settings)
+    assert done.returncode == code, f"{done.returncode}: {done.stdout}{done.stderr}"
+    return done
+
+
+def cargo(folder: Path, target: Path, *command: object, **more: str) -> str:
+    """What `cargo COMMAND` says in a folder, built into another; `more` of its environment."""
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(target), **more}
+    done = ended(need_program("cargo"), *command, "--offline", cwd=folder, env=environment)
+    return done.stdout
 
 
 def need_rust_target(triple: str) -> None:

@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from support.exports import thousand_poses
 
-F = NDArray[np.float64]
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.io.se3 import left_jacobian_inverse, rotate, rotation, transpose
 from ecm.io.table import POSE, Table, as_table
 from ecm.rig import Campaign, RigSettings
@@ -25,7 +25,6 @@ from ecm.rig.elastic import (
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.settings import Instruments
 
-F = NDArray[np.float64]
 L = 0.1034
 AT_REST = sorted(
     name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)

@@ -41,6 +41,7 @@ from ecm.workflow.app.session import Session
 from ecm.workflow.app.steps import PLAN, Files, command_of, request_of, write_demo
 from ecm.workflow.app.views import state_of
 from support.neck import ROOT, saved
+from support.programs import ended
 from support.warm_steps import warm
 
 PORT, TOKEN = 8000, "a-secret"
@@ -774,9 +775,7 @@ if __name__ == "__main__":
 
 def test_the_end_of_the_server_ends_a_view(tmp_path: Path) -> None:
     script = saved(tmp_path / "server.py", _CLOSED)
-    done = subprocess.run(
-        [sys.executable, str(script)], check=True, capture_output=True, text=True, timeout=120
-    )
+    done = ended(sys.executable, script)
     assert done.stdout == "the server is being ended\n"
 
 
@@ -803,14 +802,7 @@ def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, str(script)], check=False, stdout=subprocess.PIPE, text=True
     )
-    worker = int(done.stdout)
-    for _ in range(1000):
-        if not _alive(worker):
-            break
-        time.sleep(0.01)
-    if _alive(worker):
-        os.kill(worker, signal.SIGKILL)
-        pytest.fail("the process of the views lives on")
+    _ends(int(done.stdout))
 
 
 def test_an_upload_that_a_kill_has_cut_is_removed(tmp_path: Path) -> None:
@@ -861,34 +853,11 @@ from ecm.workflow.app.server import App
 app = App(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
 app.jobs.start("check", {})
-if sys.argv[3] == "fit":
-    app.jobs.wait()
-    app.jobs.start("fit", {"model": "linear"})
+app.jobs.wait()
+app.jobs.start("fit", {"model": "linear"})
 print(app.jobs._job.process.pid, flush=True)
 app.jobs.wait()
 """
-
-
-def killed(tmp_path: Path, verb: str) -> dict[str, bytes]:
-    """End a server by SIGKILL while it computes a step; the files of its folder before."""
-    data, folder = table(tmp_path / "stage.csv"), tmp_path / "session"
-    server = subprocess.Popen(
-        [sys.executable, "-c", _SERVER, str(folder), str(data), verb],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert server.stdout is not None
-    worker = int(server.stdout.readline())
-    before = files_of(folder)
-    os.kill(server.pid, signal.SIGKILL)
-    server.wait()
-    server.stdout.close()
-    for _ in range(1000):
-        if not _alive(worker):
-            break
-        time.sleep(0.01)
-    assert not _alive(worker)
-    return before
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -896,22 +865,22 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
-    killed(tmp_path, "check")
-    opened = App(tmp_path / "session")
-    with Person(opened) as client:
-        state = client.get("/api/state").json()
-        assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
-        assert client.post("/api/again", json={"step": 2}).status_code == 200
-        assert client.finished()["check"]["rows"] == 24
-
-
-def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
-    before = killed(tmp_path, "fit")
+def test_a_kill_in_the_middle_of_a_fit_loses_nothing_and_leaves_no_process(
+    tmp_path: Path,
+) -> None:
+    data, folder = table(tmp_path / "stage.csv"), tmp_path / "session"
+    with subprocess.Popen(
+        [sys.executable, "-c", _SERVER, str(folder), str(data)], stdout=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stdout is not None
+        worker = int(server.stdout.readline())
+        before = files_of(folder)
+        server.kill()
+    _ends(worker)
     assert "check-2.json" in before
     assert "model-3.json" not in before
-    assert files_of(tmp_path / "session") == before
-    opened = App(tmp_path / "session")
+    assert files_of(folder) == before
+    opened = App(folder)
     with Person(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "done", "interrupted"]
@@ -919,6 +888,16 @@ def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
         assert client.post("/api/again", json={"step": 3}).status_code == 200
         state = client.finished()
     assert (state["model"], state["compare"]["rows"]) == ("model-4.json", 24)
+
+
+def _ends(pid: int) -> None:
+    """Wait until a process is gone; end it where it stays."""
+    for _ in range(1000):
+        if not _alive(pid):
+            return
+        time.sleep(0.01)
+    os.kill(pid, signal.SIGKILL)
+    pytest.fail("the process lives on")
 
 
 def _alive(pid: int) -> bool:

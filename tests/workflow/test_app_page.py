@@ -72,8 +72,8 @@ def opened(folder: Path, follow: Path | None = None) -> App:
 
 
 @contextmanager
-def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[str]:
-    """Such a session served by this process; yields its address."""
+def served(page: Page, *tables: Path, folder: Path, follow: Path | None = None) -> Iterator[str]:
+    """Such a session served by this process and opened in a page; yields its address."""
     with closing(opened(folder, follow)) as app, socket.create_server(("127.0.0.1", 0)) as at:
         begin(app, tables)
         port = at.getsockname()[1]
@@ -83,7 +83,9 @@ def served(*tables: Path, folder: Path, follow: Path | None = None) -> Iterator[
         thread = threading.Thread(target=server.run, args=([at],))
         thread.start()
         try:
-            yield f"http://127.0.0.1:{port}/?token=secret"
+            address = f"http://127.0.0.1:{port}/?token=secret"
+            page.open(address)
+            yield address
         finally:
             server.should_exit = server.force_exit = True
             thread.join()
@@ -126,8 +128,8 @@ _PREVIEW = """(() => {
 
 def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_model(page)
         page.click("#curve")
         page.click("#fit")
         page.until("document.querySelector('#main .ladder circle, #main .ladder rect') !== null")
@@ -142,12 +144,10 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         page.until("!!document.querySelector('[data-add=fts_drift]')")
         assert page.js(_PREVIEW)  # before it is added
         assert "Record temperature_degC" in page.text()
-        page.tab_to("#diagnose")
-        page.keys("Enter")
+        page.enter("#diagnose")
         page.until("!!document.querySelector('.effects .named')")
         _ticked_and_counted_down(page)
-        page.tab_to(".effects .named [data-add=fts_drift]")
-        page.keys("Enter")
+        page.enter(".effects .named [data-add=fts_drift]")
         page.until("document.documentElement.dataset.stage === 'add'")
         page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         rungs = _state(page)["rungs"]
@@ -158,8 +158,7 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         assert "N/s" in added
         assert "95\u00a0%" in added
         assert "yes: p = " in added
-        page.tab_to("#undo")
-        page.keys("Enter")  # while the comparison may still be computed
+        page.enter("#undo")  # while the comparison may still be computed
         page.until("document.querySelectorAll('#main table tbody tr').length === 1")
         _next_and_out_by_keys(page)
         page.js(_OTHER_TAB)
@@ -173,17 +172,16 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         _every_stage_on_a_phone(page)
 
 
-def _to_the_model(page: Page, address: str) -> None:
-    """Open a session with a column of one's own, of which the check warns; a linear model."""
-    page.open(address)
+def _to_the_model(page: Page) -> None:
+    """From a session with a column of one's own, of which the check warns, to a linear model."""
     page.click(".warning button")
     page.click("#to-model")
     page.click("[name=kind][value=linear]")
 
 
-def _to_the_causes(page: Page, address: str) -> None:
+def _to_the_causes(page: Page) -> None:
     """The same with the model fitted, where effects are asked for."""
-    _to_the_model(page, address)
+    _to_the_model(page)
     _click_to_the_end(page, "#fit")
     page.js("location.hash = 'missing'")
 
@@ -204,19 +202,16 @@ def _ticked_and_counted_down(page: Page) -> None:
 
 def _next_and_out_by_keys(page: Page) -> None:
     """From the base model with its verdict to the files of a controller, with keys alone."""
-    page.tab_to("nav [href='#next']")
-    page.keys("Enter")
+    page.enter("nav [href='#next']")
     page.until("document.documentElement.dataset.stage === 'next'")
-    page.tab_to("#to-out")
-    page.keys("Enter")
+    page.enter("#to-out")
     page.until("document.documentElement.dataset.stage === 'out'")
     page.tab_to("#main [name=language]:checked")
     page.keys("ArrowRight")
     assert page.js("document.querySelector('[name=language]:checked').value") == "rust"
     page.tab_to("#export-mass")
     page.keys("2", "Tab", "1", "Tab")
-    page.tab_to("#export")
-    page.keys("Enter")
+    page.enter("#export")
     page.until("!!document.querySelector('.files a')")
     assert re.search(r"Control loop for 2\s+kg and 1\s+kg", page.text())
     page.tab_to(".files a")
@@ -251,8 +246,7 @@ input.dispatchEvent(new Event("change"));
 def test_files_that_are_dropped_together_become_runs_with_their_description(
     page: Page, tmp_path: Path
 ) -> None:
-    with served(folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, folder=tmp_path / "session"):
         page.until("!!document.querySelector('#file')")
         page.js(f"(() => {{{_DROP}}})()")
         page.until(
@@ -279,8 +273,7 @@ def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path:
     data = tmp_path / "cell.csv"
     rows = "".join(f"{1000 * k},{0.002 * k + 1e-5 * (k % 3)},{k}\n" for k in range(20))
     data.write_text(f"load_lb,deflection_in,pose_id\n{rows}", encoding="utf-8")
-    with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, data, folder=tmp_path / "session"):
         page.until("!!document.querySelector('#to-model')")
         page.until("document.querySelectorAll('#main .mapped li').length === 3")
         assert page.js("document.querySelector('#to-model').disabled")
@@ -305,8 +298,8 @@ def test_a_known_driver_comes_with_the_draft_of_an_effect_that_runs(
     page: Page, tmp_path: Path
 ) -> None:
     data = unexplained_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_model(page)
         page.click("#fit")
         page.until("!!document.querySelector('#to-fails')")
         page.js("location.hash = 'missing'")
@@ -351,8 +344,7 @@ _DEPTH = """import("/page/depth.js").then(({picture}) => {
 def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
     page: Page, tmp_path: Path
 ) -> None:
-    with served(folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, folder=tmp_path / "session"):
         page.until("!!document.documentElement.dataset.stage")
         assert json.loads(page.js(_DEPTH)) == [["slope", "wall"]] * 2
 
@@ -370,7 +362,7 @@ def test_a_graphics_card_draws_the_picture_that_the_processor_draws(
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with (
-        served(data, folder=tmp_path / "session") as address,
+        served(page, data, folder=tmp_path / "session") as address,
         open_chromium(card=True) as other,
     ):
 
@@ -401,16 +393,11 @@ def test_a_graphics_card_draws_the_picture_that_the_processor_draws(
 def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     marked = "document.querySelector('#marked-rows')?.textContent ?? ''"
-    with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
-        page.tab_to(".warning button")
-        page.keys("Enter")
-        page.tab_to("#to-model")
-        page.keys("Enter")
-        page.tab_to("#fit")
-        page.keys("Enter")
-        page.tab_to("#to-fails")
-        page.keys("Enter")
+    with served(page, data, folder=tmp_path / "session"):
+        page.enter(".warning button")
+        page.enter("#to-model")
+        page.enter("#fit")
+        page.enter("#to-fails")
         page.tab_to(".space canvas")
         page.keys("ArrowRight", "n", " ", "n", " ")
         page.until(f"({marked}).startsWith('2 rows marked')")
@@ -457,8 +444,8 @@ def test_a_fit_foreseen_in_the_page_is_confirmed_and_rows_are_left_out_by_a_key(
     page: Page, tmp_path: Path
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_causes(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_causes(page)
         page.click("#tick-fts_drift")
         page.js(_GAPS_DRAWN)
         state = _click_to_the_end(page, "#fit-ticked")
@@ -576,8 +563,8 @@ def _held(page: Page) -> np.ndarray:
 def test_figures_of_a_stage_that_was_left_are_gone(page: Page, tmp_path: Path) -> None:
     data, times = drifting_table(tmp_path / "stage.csv"), 5
     stages = ["fails", "missing", "add", "out", "data", "model"]
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_model(page)
         _click_to_the_end(page, "#fit")
 
         def looked_at(times: int) -> np.ndarray:
@@ -598,8 +585,8 @@ def test_what_is_focused_and_ticked_stays_so_when_the_stage_is_drawn_again(
     page: Page, tmp_path: Path
 ) -> None:
     data = drifting_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_model(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_model(page)
         page.tab_to("#curve")
         page.keys(" ")
         assert page.js(_FIT) == 200  # in another tab
@@ -664,16 +651,19 @@ def _click_to_the_end(page: Page, selector: str) -> dict[str, Any]:
     return _done(page, steps)
 
 
+def _fitted_as_chosen(page: Page) -> None:
+    """From data to where the model fails, of the kind that is chosen already."""
+    page.click("#to-model")
+    _click_to_the_end(page, "#fit")
+    page.click("#to-fails")
+    page.until("document.querySelectorAll('.panel canvas').length > 0")
+
+
 @pytest.mark.parametrize("example", ["1", "3", "6", "neck"])
 def test_every_shipped_example_goes_to_its_end(page: Page, tmp_path: Path, example: str) -> None:
-    with served(folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, folder=tmp_path / "session"):
         _click_to_the_end(page, f"#example-{example}")
-        page.click("#to-model")
-        page.until("!!document.querySelector('#fit')")
-        _click_to_the_end(page, "#fit")  # the kind that is chosen already
-        page.click("#to-fails")
-        page.until("document.querySelectorAll('.panel canvas').length > 0")
+        _fitted_as_chosen(page)
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add]')")
         found = _click_to_the_end(page, "#diagnose")["diagnosis"]
@@ -683,12 +673,10 @@ def test_every_shipped_example_goes_to_its_end(page: Page, tmp_path: Path, examp
             promised, reached = found["held_out"]["after"], state["fit"]["history"][-1]["held_out"]
             assert reached < 1.05 * promised
         page.js("location.hash = 'out'")
-        page.until("!!document.querySelector('#export')")
         assert _click_to_the_end(page, "#export")["export"]["files"]
         if example == "neck":
             assert 4.0 < state["fit"]["history"][0]["train"] < 6.0
             page.js("location.hash = 'add'")
-            page.until("!!document.querySelector('#reveal')")
             assert _click_to_the_end(page, "#reveal")["truth"]["score"]["correct"]
 
 
@@ -721,18 +709,13 @@ def test_a_column_that_never_varies_and_a_noise_that_is_not_known(
     page: Page, tmp_path: Path
 ) -> None:
     data = padded_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, data, folder=tmp_path / "session"):
         page.js("location.hash = 'data'")  # a check that ends before the page is there opens Model
         page.until("!!document.querySelector('#to-model')")
         while page.js("document.querySelector('#to-model').disabled"):
             page.click(".warning button")
             page.until(_IDLE)
-        page.click("#to-model")
-        page.until("!!document.querySelector('#fit')")
-        _click_to_the_end(page, "#fit")
-        page.click("#to-fails")
-        page.until("document.querySelectorAll('.panel canvas').length > 0")
+        _fitted_as_chosen(page)
         said = page.text()
         assert "times the noise" not in said
         assert "% of the spread" in said
@@ -783,8 +766,7 @@ def test_one_axis_has_no_empty_place_and_the_page_no_words_of_a_terminal(
         assert _NO_WORDS_OF_THE_PAGE.findall(said) == [], name
         return said
 
-    with served(table, folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, table, folder=tmp_path / "session"):
         page.until("!!document.querySelector('#to-model, #fit')")
         assert "Circles are measured." in stage("data")
         stage("model")
@@ -833,8 +815,8 @@ def test_gravity_and_the_range_of_the_sensor_are_typed_and_make_effects_testable
                            ".filter(text => /under Data/.test(text)).join(' ')"))  # fmt: skip
 
     data = drifting_table(tmp_path / "stage.csv")
-    with served(data, folder=tmp_path / "session") as address:
-        _to_the_causes(page, address)
+    with served(page, data, folder=tmp_path / "session"):
+        _to_the_causes(page)
         page.until("!!document.querySelector('[data-add=fts_drift]')")
         assert "Say the largest reading of the sensor, under Data" in asked_for()
         page.js("location.hash = 'data'")
@@ -877,16 +859,14 @@ def test_a_refused_log_is_told_in_the_words_of_the_page(
     page: Page, tmp_path: Path, log: str, said: str
 ) -> None:
     (tmp_path / "log.csv").write_text(log, encoding="utf-8")
-    with served(tmp_path / "log.csv", folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, tmp_path / "log.csv", folder=tmp_path / "session"):
         page.until("!!document.querySelector('#trouble') && !!document.querySelector('#import')")
         assert said in page.text()
         assert _NO_WORDS_OF_THE_PAGE.findall(page.text()) == []
 
 
 def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Path) -> None:
-    with served(folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, folder=tmp_path / "session"):
         _click_to_the_end(page, "#example-1")
         page.click("#to-model")
         _click_to_the_end(page, "#fit")
@@ -915,8 +895,7 @@ def test_a_refused_request_has_its_button_and_experiments_a_field(
     log = tmp_path / "log.csv"
     rows = "".join(f"{0.5 * k},{1.1 * k + 0.01 * (k % 3)},{'AB'[k % 2]}\n" for k in range(20))
     log.write_text(f"x [mm],fx [N],specimen\n{rows}", encoding="utf-8")
-    with served(log, folder=tmp_path / "session") as address:
-        page.open(address)
+    with served(page, log, folder=tmp_path / "session"):
         page.until("document.querySelectorAll('#group-names option').length > 1")
         page.js("document.querySelector('#group').value = 'specimen'")
         page.click("#import")
@@ -1047,8 +1026,7 @@ def test_a_run_that_has_not_told_its_poses_yet_is_waited_for(page: Page, tmp_pat
                "wrench": [3.0, 0, 0, 0, 0, 0], "noise_N": None, "findings": []}  # fmt: skip
     begun = {"at": 1.0, "poses": poses, "mechanism": {"length_m": 0.1}, "columns": [*POSE, *WRENCH]}
     told = [{"begun": begun}, {"measured": reading}]
-    with served(folder=tmp_path / "session", follow=tmp_path / "data.csv") as address:
-        page.open(address)
+    with served(page, folder=tmp_path / "session", follow=tmp_path / "data.csv"):
         asked = "performance.getEntriesByType('resource').filter(r => r.name.includes('/api/live'))"
         page.until(f"{asked}.length > 1")
         assert "Nothing is measured yet" in page.text()

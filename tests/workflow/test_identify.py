@@ -26,7 +26,7 @@ from ecm.workflow.config import Config, Console, DesignTable, Job, SelectTable, 
 from ecm.workflow.identify import select
 from support.driven import PRESSURES
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
-from support.neck import ROOT, Done
+from support.neck import ROOT, Command
 from support.programs import need_program
 from support.report_pages import open_page
 
@@ -163,7 +163,7 @@ def test_the_example_is_what_ecm_new_arm_writes(arm_job: Path) -> None:
 
 
 def test_the_robot_follows_the_arm_and_measures_what_the_model_predicts(
-    arm_job: Path, ecm_command: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+    arm_job: Path, ecm_command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its plan, with FEM and a robot that takes time; compiled and kept in a folder of no root."""
     pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
@@ -299,7 +299,7 @@ def test_a_stream_that_cannot_be_kept_is_refused_before_any_work(
     mode: str,
     words: str,
     tmp_path: Path,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)

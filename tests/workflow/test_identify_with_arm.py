@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from ecm.workflow.identify import DESIGNS, measure_designs
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import FAST, settings
 from support.jobs import copy_cases
-from support.neck import ROOT, Done, csv_text, neck_columns
+from support.neck import ROOT, Command, csv_text, neck_columns
 from support.report_pages import open_page
 
 
@@ -45,7 +44,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     missing: str,
     command: str,
     tmp_path: Path,
-    ecm_command: Callable[..., Done],
+    ecm_command: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))  # no controller is kept there

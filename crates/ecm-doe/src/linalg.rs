@@ -4,24 +4,16 @@ use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
 
-/// C += alpha A B or C = alpha A B; A is m x p, B is p x n, C is m x n, all row-major.
+/// C = A B; A is m x p, B is p x n, C is m x n, all row-major.
 ///
 /// Sequential, so that the result has the same bits for any number of threads.
-pub(crate) fn product(
-    c: &mut [f64],
-    (m, p, n): (usize, usize, usize),
-    a: &[f64],
-    b: &[f64],
-    alpha: f64,
-    add: bool,
-) {
-    let accum = if add { Accum::Add } else { Accum::Replace };
+pub(crate) fn product(c: &mut [f64], (m, p, n): (usize, usize, usize), a: &[f64], b: &[f64]) {
     matmul(
         MatMut::from_row_major_slice_mut(c, m, n),
-        accum,
+        Accum::Replace,
         MatRef::from_row_major_slice(a, m, p),
         MatRef::from_row_major_slice(b, p, n),
-        alpha,
+        1.0,
         Par::Seq,
     );
 }

@@ -82,14 +82,7 @@ impl Problem {
         if stride == 0 || rows.is_empty() {
             return Err(DesignError::Empty);
         }
-        if !rows.len().is_multiple_of(stride) {
-            let expected = rows.len().div_ceil(stride).saturating_mul(stride);
-            return Err(DesignError::Shape {
-                what: "the regressor",
-                found: rows.len(),
-                expected,
-            });
-        }
+        check_blocks("the regressor", rows, stride)?;
         check_sizes("the regressor", rows, terms, LEAST_SIZE)?;
         let poses = rows.len() / stride;
         let k = terms;
@@ -120,7 +113,7 @@ impl Problem {
         fixed = congruence(&fixed, &second, k);
         check_information("the prior", &fixed)?;
         let mut back = vec![0.0; k * k];
-        crate::linalg::product(&mut back, (k, k, k), &second, &first, 1.0, false);
+        crate::linalg::product(&mut back, (k, k, k), &second, &first);
         let mut white = vec![0.0; rows.len()];
         product_transposed(&mut white, (poses * block, k, k), rows, &back);
         Ok(Self {
@@ -237,7 +230,7 @@ fn whitening(moment: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), 
 /// T A T'.
 fn congruence(a: &[f64], t: &[f64], k: usize) -> Vec<f64> {
     let mut half = vec![0.0; k * k];
-    crate::linalg::product(&mut half, (k, k, k), t, a, 1.0, false);
+    crate::linalg::product(&mut half, (k, k, k), t, a);
     let mut full = vec![0.0; k * k];
     product_transposed(&mut full, (k, k, k), &half, t);
     full
@@ -264,6 +257,24 @@ pub(crate) fn check_finite(
 const MOST_SIZE: f64 = 1e100;
 /// Least size of the largest number of a column whose squares do not vanish.
 const LEAST_SIZE: f64 = 1e-100;
+
+/// Refuses numbers that are not a whole number of blocks of this size.
+pub(crate) fn check_blocks(
+    what: &'static str,
+    values: &[f64],
+    size: usize,
+) -> Result<(), DesignError> {
+    let (found, blocks) = (values.len(), values.len().div_ceil(size));
+    let expected = blocks.saturating_mul(size);
+    if found == expected {
+        return Ok(());
+    }
+    Err(DesignError::Shape {
+        what,
+        found,
+        expected,
+    })
+}
 
 /// [`check_finite`], and refuses numbers whose squares overflow and columns without a number of
 /// size `least` that are not all 0.

@@ -30,8 +30,6 @@ pub mod dense;
 pub mod error;
 #[cfg(feature = "std")]
 pub mod export;
-#[cfg(feature = "std")]
-pub mod metrics;
 #[cfg(feature = "alloc")]
 pub mod model_file;
 #[cfg(feature = "alloc")]

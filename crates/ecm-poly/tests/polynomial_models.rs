@@ -346,8 +346,6 @@ fn leave_one_out_curves_are_those_of_leaving_out() {
             );
         }
     }
-    let best = curves.best_rank(&[1.0, 1.0]);
-    assert!((1..=28).contains(&best));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Poses and wrenches, and how a wrench moves between frames.
 
 use crate::error::PoseError;
-use crate::jacobian::{left_jacobian, left_jacobian_inverse};
+use crate::jacobian::left_jacobian;
 use crate::linear::{Mat3, Vec3, Vec6, add, apply, apply_transposed, cross, dot};
 use crate::real::Real;
 use crate::rotation::rotation_matrix;
@@ -122,15 +122,6 @@ impl<R: Real> Wrench<R> {
     pub fn generalised(&self, pose: &Pose<R>) -> Vec6<R> {
         let theta = apply_transposed(&left_jacobian(&pose.rotation_vector), &self.torque);
         joined(&self.force, &theta)
-    }
-
-    /// The wrench of a generalised force (f, J(θ)ᵀ τ).
-    pub fn from_generalised(pose: &Pose<R>, generalised: &Vec6<R>) -> Self {
-        let g = Self::from_array(generalised);
-        Self {
-            force: g.force,
-            torque: apply_transposed(&left_jacobian_inverse(&pose.rotation_vector), &g.torque),
-        }
     }
 }
 

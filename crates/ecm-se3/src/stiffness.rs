@@ -6,8 +6,7 @@
 
 use crate::jacobian::{left_jacobian_from, left_jacobian_inverse_from, torque_derivative_from};
 use crate::linear::{
-    Mat3, Mat6, Vec3, block, diagonal, difference, dot, from_blocks, identity, product, skew, sum,
-    times, transposed_product,
+    Mat3, Mat6, Vec3, block, difference, dot, from_blocks, product, sum, transposed_product,
 };
 use crate::pose::{Pose, Wrench};
 use crate::real::Real;
@@ -100,19 +99,5 @@ fn rotation_columns_times<R: Real>(m: &Mat6<R>, j: &Mat3<R>) -> Mat6<R> {
         &product(&block(m, 0, 1), j),
         &block(m, 1, 0),
         &product(&block(m, 1, 1), j),
-    )
-}
-
-/// The skew part of K_s that is due to the load: `−[τ]×/2` in its rotation block.
-///
-/// K_s minus this is symmetric for a conservative mechanism; what remains skew measures
-/// noise and effects that are not conservative.
-pub fn geometric_skew<R: Real>(wrench: &Wrench<R>) -> Mat6<R> {
-    let zero = times(R::ZERO, &identity());
-    from_blocks(
-        &zero,
-        &zero,
-        &diagonal(R::ZERO),
-        &times(-R::HALF, &skew(&wrench.torque)),
     )
 }

@@ -5,7 +5,7 @@ mod common;
 
 use ecm_se3::jacobian::torque_derivative;
 use ecm_se3::mid_frame::MidFrame;
-use ecm_se3::stiffness::{StiffnessKind, convert, geometric_skew};
+use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::*;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -50,14 +50,12 @@ fn all<R: Real>(p: &[R; 6], h: &[R; 6], matrix: &[[R; 6]; 6], length_m: R) {
     linear_algebra(&theta, &torque, &rotation, matrix, length_m);
     let wrench = Wrench::from_array(h);
     wrench.moved(&rotation, &torque);
-    geometric_skew(&wrench);
     for pose in [Pose::from_array(p).ok(), Some(Pose::at_rest(p[0]))]
         .into_iter()
         .flatten()
     {
         pose.base_from_top();
         wrench.generalised(&pose);
-        Wrench::from_generalised(&pose, h);
         let frame = MidFrame::new(&pose, length_m);
         frame.jacobian();
         frame.generalised_force(&wrench);

@@ -5,7 +5,7 @@ mod common;
 
 use ecm_se3::linear::{apply, cross, dot, product, skew, sub, transposed};
 use ecm_se3::mid_frame::MidFrame;
-use ecm_se3::stiffness::{StiffnessKind, convert, geometric_skew};
+use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::*;
 use proptest::prelude::*;
 
@@ -189,8 +189,6 @@ proptest! {
                 prop_assert!(((up[i] - down[i]) / (2.0 * e) - j[i][k]).abs() < 1e-9);
             }
         }
-        let back = Wrench::from_generalised(&p, &g);
-        for (x, y) in back.to_array().iter().zip(w.to_array()) { prop_assert!((x - y).abs() < 1e-11); }
     }
 
     #[test]
@@ -212,15 +210,11 @@ proptest! {
             }
         }
         let screw = convert(&k, &p, &w, StiffnessKind::Partial, StiffnessKind::Screw);
-        let geometric = geometric_skew(&w);
+        let minus_torque = skew(&w.torque.map(|x| -x));
         for i in 0..6 { for j in 0..6 {
             let skew_part = screw[i][j] - screw[j][i];
-            prop_assert!((skew_part - 2.0 * geometric[i][j]).abs() < 1e-12 * size);
-        } }
-        let minus_torque = skew(&w.torque.map(|x| -x));
-        for i in 0..3 { for j in 0..3 {
-            let skew_part = screw[i + 3][j + 3] - screw[j + 3][i + 3];
-            prop_assert!((skew_part - minus_torque[i][j]).abs() < 1e-12 * size);
+            let geometric = if i.min(j) < 3 { 0.0 } else { minus_torque[i - 3][j - 3] };
+            prop_assert!((skew_part - geometric).abs() < 1e-12 * size);
         } }
     }
 

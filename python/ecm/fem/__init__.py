@@ -1,1 +1,1 @@
-"""Finite element batches: simulated pairs, Dask workers, sensitivities, material tests."""
+"""Finite element batches: simulated pairs, Dask workers, material tests."""

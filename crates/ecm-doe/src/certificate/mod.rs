@@ -137,7 +137,7 @@ fn merit(problem: &Problem, w: &[f64]) -> Option<f64> {
 /// A B of k x k matrices.
 fn square_product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
     let mut c = vec![0.0; k * k];
-    product(&mut c, (k, k, k), a, b, 1.0, false);
+    product(&mut c, (k, k, k), a, b);
     c
 }
 
@@ -160,7 +160,7 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
         squares(&mut phi[start..start + count], part, b * k);
         if let Some(mixed) = &mixed {
             let out = &mut v[..count * b * k];
-            product(out, (count * b, k, k), part, &mixed.weighted, 1.0, false);
+            product(out, (count * b, k, k), part, &mixed.weighted);
             squares(&mut psi[start..start + count], out, b * k);
         }
     }

@@ -180,7 +180,7 @@ fn hessian(problem: &Problem, set: &[usize], eval: &Evaluation) -> Vec<f64> {
         return block_products(&t, &t, 1.0, s, b, k);
     };
     let mut v = vec![0.0; t.len()];
-    product(&mut v, (s * b, k, k), &t, &mixed.weighted, 1.0, false);
+    product(&mut v, (s * b, k, k), &t, &mixed.weighted);
     let scale = mixed.scale(k);
     let mut hessian = block_products(&t, &v, 2.0 * scale, s, b, k);
     // The logarithm of the trace takes psi psi' / tr^2 off again.

@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::search::{check_room, generator};
-use super::settings::{Design, apply_lists};
+use super::settings::{Design, apply_lists, check_starts};
 use crate::budget::on_threads;
-use crate::problem::check_sizes;
+use crate::problem::{check_blocks, check_sizes};
 use crate::spacing::cover::cover_bound;
 use crate::spacing::neighbours::{Neighbours, box_diagonal, farthest_points};
 use crate::spacing::simple;
@@ -106,24 +106,10 @@ pub fn maximin(
         ("the points", points),
         ("the measured points", &settings.measured),
     ] {
-        if !values.len().is_multiple_of(columns) {
-            let expected = values.len().div_ceil(columns) * columns;
-            return Err(DesignError::Shape {
-                what,
-                found: values.len(),
-                expected,
-            });
-        }
+        check_blocks(what, values, columns)?;
         check_sizes(what, values, columns, 0.0)?;
     }
-    if settings.starts == 0 {
-        let expected = "at least 1";
-        return Err(DesignError::Setting {
-            name: "starts",
-            value: "0".into(),
-            expected,
-        });
-    }
+    check_starts(settings.starts)?;
     let least = if settings.measured.is_empty() { 2 } else { 1 };
     if settings.n < least {
         return Err(DesignError::Small {

@@ -268,14 +268,7 @@ impl<'a> Variances<'a> {
             return false;
         };
         let rows = self.problem.poses * b;
-        product(
-            &mut self.solved,
-            (rows, k, k),
-            &self.problem.rows,
-            &m,
-            1.0,
-            false,
-        );
+        product(&mut self.solved, (rows, k, k), &self.problem.rows, &m);
         let parts = self.solved.chunks_exact(b * k);
         for (i, part) in parts.enumerate() {
             self.variance[i] = dot(part, self.problem.pose(i));

@@ -1,5 +1,6 @@
 //! Settings and result of a design.
 
+use crate::problem::{check_blocks, check_sizes};
 use crate::{DesignError, Problem, Status};
 
 /// Algorithm of the search for the best design.
@@ -82,29 +83,27 @@ pub struct Design {
     pub gap: f64,
 }
 
+/// Refuses a search without a start.
+pub(crate) fn check_starts(starts: usize) -> Result<(), DesignError> {
+    if starts > 0 {
+        return Ok(());
+    }
+    Err(DesignError::Setting {
+        name: "starts",
+        value: "0".into(),
+        expected: "at least 1",
+    })
+}
+
 /// Applies lists and measured rows to a problem; returns the number of measured rows.
 pub(crate) fn apply_settings(
     problem: &mut Problem,
     settings: &DSettings,
 ) -> Result<usize, DesignError> {
     let (n, k, b) = (settings.n, problem.terms, problem.block);
-    if settings.starts == 0 {
-        return Err(DesignError::Setting {
-            name: "starts",
-            value: "0".into(),
-            expected: "at least 1",
-        });
-    }
-    if !settings.measured.len().is_multiple_of(k) {
-        let expected = settings.measured.len().div_ceil(k) * k;
-        let found = settings.measured.len();
-        return Err(DesignError::Shape {
-            what: "the measured rows",
-            found,
-            expected,
-        });
-    }
-    crate::problem::check_sizes("the measured rows", &settings.measured, k, 0.0)?;
+    check_starts(settings.starts)?;
+    check_blocks("the measured rows", &settings.measured, k)?;
+    check_sizes("the measured rows", &settings.measured, k, 0.0)?;
     apply_lists(
         &mut problem.available,
         n,

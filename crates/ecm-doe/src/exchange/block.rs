@@ -60,8 +60,6 @@ impl<'a> BlockState<'a> {
             (self.pool.len() * b, k, k),
             &self.pool.rows,
             &self.inverse,
-            1.0,
-            false,
         );
         let own = self.pool.rows.chunks_exact(b * k);
         for ((v, t), a) in self
@@ -86,7 +84,7 @@ impl<'a> BlockState<'a> {
         let pose = self.design[row];
         let mut t = vec![0.0; b * k];
         let rows = self.pool.block_rows(pose);
-        product(&mut t, (b, k, k), rows, &self.inverse, 1.0, false);
+        product(&mut t, (b, k, k), rows, &self.inverse);
         let removal = Removal::new(b, self.variance(pose), &t);
         (t, removal)
     }
@@ -166,7 +164,7 @@ impl State for BlockState<'_> {
         pair.extend_from_slice(self.pool.block_rows(old));
         // U' = [A_j; A_i] M^-1 and C = (S + [A_j; A_i] U)^-1 with S = diag(I, -I).
         let mut u = vec![0.0; 2 * b * k];
-        product(&mut u, (2 * b, k, k), &pair, &self.inverse, 1.0, false);
+        product(&mut u, (2 * b, k, k), &pair, &self.inverse);
         let mut c = vec![0.0; 4 * b * b];
         product_transposed(&mut c, (2 * b, k, 2 * b), &u, &pair);
         for r in 0..2 * b {
@@ -180,7 +178,7 @@ impl State for BlockState<'_> {
             return false;
         }
         let mut cu = vec![0.0; 2 * b * k];
-        product(&mut cu, (2 * b, 2 * b, k), &c_inv, &u, 1.0, false);
+        product(&mut cu, (2 * b, 2 * b, k), &c_inv, &u);
         let mut change = vec![0.0; k * k];
         crate::linalg::add_transposed_product(&mut change, (k, 2 * b, k), &u, &cu);
         for (v, d) in self.inverse.iter_mut().zip(&change) {
@@ -207,7 +205,7 @@ impl State for BlockState<'_> {
         let mut w = vec![0.0; count * b * 2 * b];
         product_transposed(&mut w, (count * b, k, 2 * b), &self.pool.rows, &u);
         let mut wc = vec![0.0; w.len()];
-        product(&mut wc, (count * b, 2 * b, 2 * b), &w, &c_inv, 1.0, false);
+        product(&mut wc, (count * b, 2 * b, 2 * b), &w, &c_inv);
         for ((v, w), wc) in self
             .variances
             .chunks_exact_mut(b * b)

@@ -97,7 +97,7 @@ impl Removal {
 pub(crate) fn left_product(inv_lower: &[f64], x: &[f64], b: usize) -> Vec<f64> {
     let k = x.len() / b;
     let mut out = vec![0.0; b * k];
-    product(&mut out, (b, b, k), inv_lower, x, 1.0, false);
+    product(&mut out, (b, b, k), inv_lower, x);
     out
 }
 

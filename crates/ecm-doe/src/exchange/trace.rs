@@ -70,7 +70,7 @@ impl<'a> TraceState<'a> {
         };
         (self.log_det, self.share) = (log_det, share);
         let mut root = vec![0.0; k * k];
-        product(&mut root, (k, k, k), &fresh, half, 1.0, false);
+        product(&mut root, (k, k, k), &fresh, half);
         product_transposed(&mut self.weighted, (k, k, k), &root, &root);
         self.trace = dot(&root, half);
         self.inverse = fresh;
@@ -80,14 +80,7 @@ impl<'a> TraceState<'a> {
             (&self.inverse, &mut self.variances),
             (&self.weighted, &mut self.shares),
         ] {
-            product(
-                &mut t,
-                (self.pool.len() * b, k, k),
-                &self.pool.rows,
-                matrix,
-                1.0,
-                false,
-            );
+            product(&mut t, (self.pool.len() * b, k, k), &self.pool.rows, matrix);
             let own = self.pool.rows.chunks_exact(b * k);
             for ((v, t), a) in blocks
                 .chunks_exact_mut(b * b)
@@ -112,8 +105,8 @@ impl<'a> TraceState<'a> {
         let mut pair = self.pool.block_rows(candidate).to_vec();
         pair.extend_from_slice(self.pool.block_rows(old));
         let (mut u, mut f) = (vec![0.0; n * k], vec![0.0; n * k]);
-        product(&mut u, (n, k, k), &pair, &self.inverse, 1.0, false);
-        product(&mut f, (n, k, k), &pair, &self.weighted, 1.0, false);
+        product(&mut u, (n, k, k), &pair, &self.inverse);
+        product(&mut f, (n, k, k), &pair, &self.weighted);
         let (mut small, mut w) = (vec![0.0; n * n], vec![0.0; n * n]);
         product_transposed(&mut small, (n, k, n), &u, &pair);
         product_transposed(&mut w, (n, k, n), &f, &pair);
@@ -130,12 +123,12 @@ impl<'a> TraceState<'a> {
         }
         // E = C F - C W C u / 2.
         let (mut cu, mut wcu, mut e) = (vec![0.0; n * k], vec![0.0; n * k], vec![0.0; n * k]);
-        product(&mut cu, (n, n, k), &c, &u, 1.0, false);
-        product(&mut wcu, (n, n, k), &w, &cu, 1.0, false);
+        product(&mut cu, (n, n, k), &c, &u);
+        product(&mut wcu, (n, n, k), &w, &cu);
         for (f, half) in f.iter_mut().zip(&wcu) {
             *f -= 0.5 * half;
         }
-        product(&mut e, (n, n, k), &c, &f, 1.0, false);
+        product(&mut e, (n, n, k), &c, &f);
         let mut change = vec![0.0; k * k];
         add_transposed_product(&mut change, (k, n, k), &u, &cu);
         for (v, d) in self.inverse.iter_mut().zip(&change) {
@@ -158,7 +151,7 @@ impl<'a> TraceState<'a> {
         );
         let rows = &self.pool.rows;
         product_transposed(&mut own_u, (count * b, k, n), rows, &u);
-        product(&mut own_cu, (count * b, n, n), &own_u, &c, 1.0, false);
+        product(&mut own_cu, (count * b, n, n), &own_u, &c);
         product_transposed(&mut own_e, (count * b, k, n), rows, &e);
         let parts = own_u
             .chunks_exact(b * n)
@@ -186,8 +179,8 @@ impl<'a> TraceState<'a> {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
         let rows = self.pool.block_rows(self.design[row]);
         let (mut t, mut s) = (vec![0.0; b * k], vec![0.0; b * k]);
-        product(&mut t, (b, k, k), rows, &self.inverse, 1.0, false);
-        product(&mut s, (b, k, k), rows, &self.weighted, 1.0, false);
+        product(&mut t, (b, k, k), rows, &self.inverse);
+        product(&mut s, (b, k, k), rows, &self.weighted);
         (t, s)
     }
 

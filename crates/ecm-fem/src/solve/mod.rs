@@ -356,12 +356,6 @@ impl Fem {
         &self.amounts_at_rest[..self.body.chambers.count()]
     }
 
-    /// Length of each tendon at the undeformed body, m.
-    pub fn tendon_lengths_m(&self) -> Vec<f64> {
-        let tendons = &self.amounts_at_rest[self.body.chambers.count()..];
-        tendons.iter().map(|amount| -amount).collect()
-    }
-
     /// Names of the actuators in the order of their inputs: the chambers, then the tendons.
     pub fn actuators(&self) -> Vec<String> {
         let (chambers, tendons) = (&self.body.chambers.names, &self.body.tendons.names);

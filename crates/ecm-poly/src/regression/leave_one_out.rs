@@ -16,7 +16,6 @@ pub struct LeaveOneOut {
     pub singular_values: Vec<f64>,
     /// (ranks, outputs), row-major; infinite where one row alone determines a coefficient.
     pub rmse: Vec<f64>,
-    outputs: usize,
 }
 
 impl LeaveOneOut {
@@ -75,24 +74,6 @@ impl LeaveOneOut {
         Ok(Self {
             singular_values: factors.singular_values[..ranks].to_vec(),
             rmse,
-            outputs,
         })
-    }
-
-    /// The number of components with the least sum over outputs of (rmse / spread)².
-    pub fn best_rank(&self, spreads: &[f64]) -> usize {
-        let score = |row: &[f64]| -> f64 {
-            let pairs = row.iter().zip(spreads);
-            pairs.map(|(e, s)| (e / s).powi(2)).sum()
-        };
-        let rows = self.rmse.chunks_exact(self.outputs.max(1));
-        let mut best = (f64::INFINITY, 0);
-        for (r, row) in rows.enumerate() {
-            let value = score(row);
-            if value < best.0 {
-                best = (value, r + 1);
-            }
-        }
-        best.1
     }
 }
