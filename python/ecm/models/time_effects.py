@@ -387,6 +387,15 @@ def _warn_of_range(found: TimeEffects, effect: Effect, what: str, inside: str) -
 
 def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
     found.document["damping"] = [float(values[0]), float(values[1])]
+    size = model.training.get("effect_sizes", {}).get(effect.id, 0.0)
+    if size > _SMALL and not model.noise.is_residual:
+        # In a sine of f Hz half a step dt turns the velocity by pi f dt.
+        fast = 1e3 / (np.pi * size)
+        found.warnings.append(
+            f"viscous_damping steps with the mean velocity since the step before, half a step "
+            f"late. What it misses so is below the noise up to {fast:.2g} Hz of motion at steps "
+            f"of 1 ms, up to {fast / 20.0:.2g} Hz at 20 ms."
+        )
     return ""
 
 
