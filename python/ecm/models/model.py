@@ -105,8 +105,10 @@ class Model(Shown, EvaluatedModel):
         """What it maps, in one line."""
         columns = f"{', '.join(self.outputs)} of {', '.join(self.inputs)}"
         columns = "wrench of pose" if is_whole(self.base) else columns
-        error = f", error {self.history[-1].held_out:.3g} times the noise" if self.history else ""
-        return f"<Model {self.name}: {columns}, {len(self.params)} parameters{error}>"
+        said = f"<Model {self.name}: {columns}, {len(self.params)} parameters"
+        if not self.history:
+            return f"{said}>"
+        return f"{said}, error {self.history[-1].held_out:.3g} times {self.noise.unit}>"
 
     def blocks(self) -> list[Block]:
         """Return what a notebook shows: the parameters, and the fit report."""

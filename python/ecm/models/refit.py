@@ -224,7 +224,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
     table = table.subsample(spread_rows(table, MANY_ROWS))
-    fit = joint_fit(before.base, before.effects, table, fitted.noise)
+    fit = joint_fit(before.base, before.effects, table, fitted.noise, kept=before.kept)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
     rest = Rows(table, fitted.base).middle_pose[None]
@@ -313,10 +313,9 @@ def remedy_with_base(
     except (EcmError, np.linalg.LinAlgError):
         return None
     added = "".join(f" --add {effect.id}" for effect in effects)
-    over = "the base's own residual" if found.noise.is_residual else "the noise"
     return Remedy(
         f"fit {found.name.replace('+', ' with ', 1).replace('+', ' and ')}, which errs {error:.3g} "
-        f"times {over} on held-out rows",
+        f"times {found.noise.unit} on held-out rows",
         f"ecm fit DATA --model {name}{added} --out OUT",
     )
 
@@ -365,9 +364,11 @@ def _worse_held_out(fitted: Model) -> list[str]:
     if len(records) < 2 or records[0].rows != records[1].rows:
         return []
     first, second = (record.held_out for record in records)
-    if second <= _WORSE * first:
+    # Below a noise that is known no error tells which model is better.
+    floor = 0.0 if fitted.noise.is_residual else 1.0
+    if second <= max(_WORSE * first, floor):
         return []
-    return [f"on held-out rows it errs {second:.3g} times the noise, before {first:.3g}"]
+    return [f"on held-out rows it errs {second:.3g} times {fitted.noise.unit}, before {first:.3g}"]
 
 
 def _worse_than_mean(
