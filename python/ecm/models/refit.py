@@ -136,6 +136,15 @@ def refuse_worse(
         )
 
 
+def refuse_unless_forced(name: str, *given: Any, **known: Any) -> None:
+    """`refuse_worse` in the words of a function of Python, which has `force`."""
+    try:
+        refuse_worse(*given, **known)
+    except ComputationError as error:
+        said = f"{name}: {error.message}; force=True returns it all the same"
+        raise ComputationError(said, remedy=error.remedy) from None
+
+
 def _why(fitted: Model) -> str:
     """What a body leaves open: it has E and nu, and no coefficients to spare."""
     if fitted.base.kind != "physics":
@@ -462,12 +471,8 @@ def refit(
     model = as_model(model, table)
     fitted = _changed(model, table, add, remove, freeze, progress)
     if not force:
-        try:
-            # Without an effect a model errs more: that was asked for.
-            refuse_worse(fitted, table, before=None if remove else model)
-        except ComputationError as error:
-            said = f"refit: {error.message}; force=True returns it all the same"
-            raise ComputationError(said, remedy=error.remedy) from None
+        # Without an effect a model errs more: that was asked for.
+        refuse_unless_forced("refit", fitted, table, before=None if remove else model)
     return fitted
 
 
