@@ -39,6 +39,7 @@ from ecm.models.measured_poses import (
 from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
+NEEDS_ENERGY = "steps need an energy or physics model: fit one"
 _NOT_PASSIVE = (
     "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
     "large cycles. Keep the loop's own damping."
@@ -200,7 +201,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
 def _without_steps(model: EvaluatedModel) -> str:
     """Why the files of a model have no steps, and what has."""
     if is_whole(model.base):
-        return "steps need an energy or physics model: fit one"
+        return NEEDS_ENERGY
     if len(model.inputs) == len(model.outputs) == 1:
         return "along a single coordinate only polynomials in c step: ecm fit --model cubic, --to c"
     return "only all six columns, or one of each in c, step; ecm predict has it for a whole table"
