@@ -129,7 +129,7 @@ def test_an_effect_that_opensim_cannot_hold_is_refused_as_by_other_targets(tmp_p
     with pytest.raises(InputError, match="steps need an energy") as found:
         export(fit_model(table, "cubic").add("temperature_modulus").fit(table), "c", tmp_path)
     assert found.value.remedy is not None
-    typed = "ecm fit DATA --model energy4 --add temperature_modulus --out OUT"
+    typed = "ecm fit DATA --model energy4 --add temperature_modulus --out energy.json"
     assert found.value.remedy.command == typed
     export(fit_model(table, "energy4").add("temperature_modulus").fit(table), "c", tmp_path / "c")
     forced = export(model, "opensim", tmp_path, force=True)

@@ -357,7 +357,7 @@ def _on_an_energy(model: Model, exported: Exported) -> Remedy | None:
     return Remedy(
         f"fit an energy with {' and '.join(ids)}, which steps, and compare "
         "(or export all the same with --force)",
-        f"ecm fit DATA --model energy4 {options} --out OUT",
+        f"ecm fit DATA --model energy4 {options} --out energy.json",
         force=True,
     )
 
