@@ -38,7 +38,7 @@ _NAMES = {
     "models.control_loop": ("LoopSettings",),
     "models.export": ("export",),
     "models.expression": ("Expression",),
-    "models.fit": ("ModelEstimator", "fit", "fit_model"),
+    "models.estimator": ("ModelEstimator", "fit", "fit_model"),
     "models.literature": (
         "ConstantCurvatureModel",
         "GaussianProcessModel",

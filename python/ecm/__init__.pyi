@@ -30,10 +30,10 @@ from ecm.logs.importing import import_log as import_log
 from ecm.models.check import check as check
 from ecm.models.control_loop import LoopSettings as LoopSettings
 from ecm.models.energy import EnergyModel as EnergyModel
+from ecm.models.estimator import ModelEstimator as ModelEstimator
+from ecm.models.estimator import fit_model as fit_model
 from ecm.models.export import export as export
 from ecm.models.expression import Expression as Expression
-from ecm.models.fit import ModelEstimator as ModelEstimator
-from ecm.models.fit import fit_model as fit_model
 from ecm.models.literature import ConstantCurvatureModel as ConstantCurvatureModel
 from ecm.models.literature import GaussianProcessModel as GaussianProcessModel
 from ecm.models.literature import NeuralNetworkModel as NeuralNetworkModel

@@ -67,7 +67,7 @@ def test_a_gaussian_process_fits_some_rows_of_a_long_log_and_says_so(
 def test_a_held_out_error_that_is_no_prediction_is_a_sentence() -> None:
     x = np.concatenate([np.linspace(0.0, 1.0, 6), [40.0]])
     table = ecm.Table({"x_m": 1e-3 * x, "fx_N": np.sin(3.0 * x), "pose_id": np.arange(7.0)})
-    model = ecm.fit_model(table, "poly:4")
+    model = ecm.fit_model(table, "poly:4", force=True)
     sentences = fit_summary(model, table, ecm.PolynomialModel(degree=4))["sentences"]
     told = next(text for text in sentences if text.startswith("held out"))
     assert told.startswith("held out, 7 parts of poses, repeats together: the model does not")

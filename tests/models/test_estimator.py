@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, fit_model
 from support.campaigns import workspace_poses
-from support.neck import columns_of
+from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
 X = workspace_poses(60, 1)
@@ -26,6 +29,24 @@ def test_the_estimator_fits_and_predicts_as_the_model() -> None:
     flat = Y.copy()
     flat[:, 0] = 0.0
     assert estimator.score(X, flat) == pytest.approx(5.0 / 6.0)
+
+
+def test_what_is_worse_than_the_mean_on_held_out_rows_is_refused_as_by_the_command(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    """With as many coefficients as readings a cubic went through all of them, and was returned."""
+    random = np.random.default_rng(0)
+    noise = 0.3 * Y.std(axis=0) * random.standard_normal((97, 6))
+    poses = workspace_poses(97, 1)
+    Table(columns_of(poses, wrench(poses) + noise)).write(tmp_path / "few.csv")
+    with pytest.raises(ComputationError, match="the mean errs once") as caught:
+        fit_model(tmp_path / "few.csv", "cubic")
+    reason = str(caught.value).splitlines()[0].removeprefix("fit: ").partition("; force=True")[0]
+    done = ecm_command("fit", tmp_path / "few.csv", "--model", "cubic")
+    assert done.code != 0
+    assert reason in done.err
+    assert fit_model(tmp_path / "few.csv", "cubic", force=True).name == "poly:3"
+    assert fit_model(tmp_path / "few.csv", "linear").name == "poly:1"
 
 
 def test_scikit_learn_clones_validates_and_searches() -> None:

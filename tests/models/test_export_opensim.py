@@ -125,6 +125,13 @@ def test_an_effect_that_opensim_cannot_hold_is_refused_as_by_other_targets(tmp_p
     assert found.value.remedy.command == (
         "ecm refit MODEL DATA --remove temperature_modulus --out without.json"
     )
+    # C has steps, of energies: the effect that counts is kept by another base, and not thrown away.
+    with pytest.raises(InputError, match="steps need an energy") as found:
+        export(fit_model(table, "cubic").add("temperature_modulus").fit(table), "c", tmp_path)
+    assert found.value.remedy is not None
+    typed = "ecm fit DATA --model energy4 --add temperature_modulus --out energy.json"
+    assert found.value.remedy.command == typed
+    export(fit_model(table, "energy4").add("temperature_modulus").fit(table), "c", tmp_path / "c")
     forced = export(model, "opensim", tmp_path, force=True)
     assert forced.left_out == ("temperature_modulus",)
     assert export(model.remove("temperature_modulus"), "opensim", tmp_path).lost == {}

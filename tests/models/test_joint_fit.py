@@ -10,6 +10,7 @@ import pytest
 
 from ecm.comparison import compare, declared_noise
 from ecm.effects import Rows, get_effect
+from ecm.effects.ageing import PermanentSet
 from ecm.errors import InputError, ModelError
 from ecm.io.columns import WRENCH
 from ecm.io.description import Instrument, Meta
@@ -88,6 +89,16 @@ def test_frozen_values_stay_and_the_rest_moves() -> None:
     assert frozen.base.coefficients[0] == 1.0
     loose = model().add("payload").fit(table)
     assert loose.base.coefficients[0] != 1.0
+
+
+def test_a_frozen_effect_predicts_as_before_after_a_fit_to_fewer_rows() -> None:
+    """Its set is counted in the longest run of its own fit, not of the new table."""
+    table = campaign(seed=3)
+    before = model().add(PermanentSet("summed")).fit(table)
+    less = table.select(np.argsort(table.column("time_s"))[: len(table) // 4])
+    after = before.freeze("base", "permanent_set").fit(less)
+    assert np.array_equal(after.effects[0].values, before.effects[0].values)
+    assert after.predict(table) == pytest.approx(before.predict(table), rel=1e-12)
 
 
 def test_with_all_frozen_the_history_still_gets_its_record() -> None:

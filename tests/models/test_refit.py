@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,11 @@ from ecm.io.arrays import rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
+from ecm.models.errors import FitRecord
 from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import objections, refit, refuse_addition, undetermined
+from ecm.models.refit import _worse_held_out, objections, refit, refuse_addition, undetermined
+from ecm.regression.noise import Noise
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle, prandtl_play
 
@@ -84,6 +87,21 @@ def test_what_is_one_with_the_base_is_no_number_but_a_refusal() -> None:
     remedy = remedy_of(caught.value)
     assert remedy is not None
     assert "--add payload" in remedy.command
+
+
+def test_below_the_noise_no_error_refuses_and_a_residual_is_no_noise() -> None:
+    x = np.linspace(-0.01, 0.01, 9)
+    model = fit_model({"x_m": x, "fx_N": 2000.0 * x}, "linear")
+    record = FitRecord("linear", 0.5, 0.5, None, 1.0, 2, 9, rows="same")
+    history = (record, replace(record, held_out=0.9))
+    assert model.noise.is_residual
+    (said,) = _worse_held_out(replace(model, history=history))
+    assert said == "on held-out rows it errs 0.9 times the base's own residual, before 0.5"
+    assert "0.9 times the base's own residual" in repr(replace(model, history=history))
+    known = replace(model, noise=Noise(), history=history)
+    assert _worse_held_out(known) == []
+    (said,) = _worse_held_out(replace(known, history=(record, replace(record, held_out=1.2))))
+    assert said == "on held-out rows it errs 1.2 times the noise, before 0.5"
 
 
 def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
@@ -191,6 +192,30 @@ def test_damping_is_that_of_an_even_motion(plain: Model) -> None:
     size = np.abs(model.predict(table)).max(axis=0)
     difference = (np.array(found) - model.predict(table))[1:] / size
     assert np.abs(difference).max() < 1e-9
+
+
+@pytest.mark.parametrize("step_s", [1e-3, 0.02])
+def test_the_export_says_how_fast_a_motion_damping_bears(plain: Model, step_s: float) -> None:
+    """A fit takes the velocity from the rows on both sides; a controller has no row after."""
+    model = with_effects(plain, (ViscousDamping(), [40.0, 0.2]))
+    model.training["effect_sizes"] = {"viscous_damping": 10.0}
+    (said,) = model.controller().effects.warnings
+    found = re.search(r"up to (\S+) Hz of motion at steps of 1 ms, up to (\S+) Hz at 20 ms", said)
+    assert found is not None
+    phase = 2.0 * np.pi * float(found[1 if step_s < 0.01 else 2]) * step_s * np.arange(200)
+    rest = model.rest_pose("a test")[0]
+    poses = rest + 1e-4 * np.sin(phase)[:, None]
+    table = as_table(
+        dict(zip(POSE, poses.T, strict=True))
+        | dict.fromkeys(WRENCH, np.zeros(200))
+        | {"time_s": step_s * np.arange(200)},
+        meta=Meta(file=FileMeta(kind="continuous"), mechanism={"length_m": rest[0]}),
+    )
+    controller = at_rest(model)
+    stepped = np.array([controller.step(pose, step_s)[0] for pose in poses])[2:-1]
+    late = rms(stepped - model.predict(table)[2:-1])
+    damping = rms(model.predict(table)[2:-1] - model.base.predict(poses)[2:-1])
+    assert late == pytest.approx(damping / 10.0, rel=0.1)  # the noise, of which damping is ten
 
 
 def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path: Path) -> None:

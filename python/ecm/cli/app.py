@@ -24,7 +24,7 @@ COMMANDS = {
     ),
     "fit": Command(
         line="A model of measured or simulated pairs.",
-        work="models.fit", of="models.fit.fit_model", passed="zero_at_home stable weights",
+        work="models.fit", of="models.estimator.fit_model", passed="zero_at_home stable weights",
         common="tables report seed",
     ),
     "predict": Command(

@@ -33,7 +33,12 @@ from ecm.models.joint_fit import (
     joint_fit,
 )
 from ecm.models.maps import StiffnessMap
-from ecm.regression.f_test import explained_by_span, omnibus_test, orthonormal
+from ecm.regression.f_test import (
+    explained_by_span,
+    omnibus_test,
+    orthonormal,
+    outlying_squares,
+)
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import (
     Noise,
@@ -52,8 +57,6 @@ from ecm.regression.normal_equations import (
 )
 from ecm.regression.rows import UnknownLength, actuators_of, is_whole
 
-OUTLIER_CHANCE = 1e-4
-"""Rows less likely than this under the noise count less."""
 ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
 _MOST_ABSORBED = 0.995
@@ -328,7 +331,7 @@ def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
     design = np.concatenate([base, *few], axis=2)
     design /= _lengths(design)
     flat, y = design.reshape(n * m, -1), response.ravel()
-    limit, middle = (float(special.chdtri(m, chance)) for chance in (OUTLIER_CHANCE, 0.5))
+    limit, middle = outlying_squares(m)
     weights = np.ones(n)
     for _ in range(3):
         root = np.repeat(np.sqrt(weights), m)

@@ -10,7 +10,6 @@ import numpy as np
 
 from ecm.comparison.residual_figures import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
-from ecm.diagnosis.problem import OUTLIER_CHANCE
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape
 from ecm.effects.protocol import UNKNOWN_LENGTH
@@ -19,6 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, behind, unit_of
 from ecm.io.table import Table
 from ecm.models.refit import FAR_BEYOND_NOISE
+from ecm.regression.f_test import OUTLIER_CHANCE
 from ecm.report.blocks import (
     Block,
     CodeBlock,

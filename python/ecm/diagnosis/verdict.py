@@ -34,7 +34,7 @@ from ecm.diagnosis.left_over import (
     runs_apart,
 )
 from ecm.diagnosis.preparation import Prepared
-from ecm.diagnosis.problem import OUTLIER_CHANCE, Candidate, Problem
+from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import Ranked, delta_chi2, explained_share, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -45,6 +45,7 @@ from ecm.diagnosis.statements import (
 )
 from ecm.effects import Missing
 from ecm.models.physics.map import PhysicsMap
+from ecm.regression.f_test import OUTLIER_CHANCE
 
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]

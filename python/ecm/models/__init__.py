@@ -2,9 +2,10 @@
 
 from ecm.models.energy import GROUPS, EnergyModel
 from ecm.models.errors import FitRecord
+from ecm.models.estimator import ModelEstimator, fit_model
 from ecm.models.evaluation import PoseError
 from ecm.models.expression import Expression
-from ecm.models.fit import ModelEstimator, as_model, fit_model
+from ecm.models.fit import as_model
 from ecm.models.literature import (
     ConstantCurvatureModel,
     GaussianProcessModel,

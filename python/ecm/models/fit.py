@@ -1,16 +1,15 @@
-"""Fit a model to the measured rows of a table, or take what a user gives for one.
+"""Fit a model to rows, choose a base for them, or take what a user gives for a model.
 
-Among that is a function, an expression, and a table of predicted wrenches. The estimator has the
-methods of scikit-learn, which is not needed.
+Among that is a function, an expression, and a table of predicted wrenches.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -19,19 +18,15 @@ from scipy.spatial import cKDTree
 from ecm.errors import ComputationError, InputError, ModelError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.conventions import wrong_convention
-from ecm.io.description import Meta
 from ecm.io.events import Progress
-from ecm.io.extras import require
-from ecm.io.table import MetaLike, Table, TableLike, as_table, takes_table
+from ecm.io.table import Table, as_table
 from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
 from ecm.models.errors import error_over_noise
-from ecm.models.evaluation import error_of_report, on_what_is_measured
+from ecm.models.evaluation import on_what_is_measured
 from ecm.models.expression import Expression, FunctionModel
 from ecm.models.joint_fit import declared_or_fitted
 from ecm.models.maps import (
-    CHOOSE,
     FittedMap,
     MapDefaults,
     ModelSpecification,
@@ -40,107 +35,14 @@ from ecm.models.maps import (
     Weights,
     pose_and_wrench_columns,
 )
-from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model, load_model
-from ecm.models.parameters import parameters_of
 from ecm.models.partial import is_partial, measured_part, whole_map
 from ecm.models.physics.map import FREE, PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import fitted_to, parse_model
+from ecm.regression.f_test import outlying_squares
 from ecm.regression.folds import repeat_cells, spread_rows
-from ecm.regression.rows import inputs_of, taken_by, unused_inputs
-
-
-@takes_table()
-def fit_model(  # noqa: PLR0913 - a choice each, all with a default
-    table: TableLike,
-    model: ModelSpecification | str | Callable[..., Any],
-    *,
-    parameters: Mapping[str, Any] | None = None,
-    meta: MetaLike = None,
-    weights: Weights = "auto",
-    zero_at_home: bool = False,
-    stable: bool = False,
-    force: bool = False,
-    progress: Progress | None = None,
-) -> Model:
-    """Fit a model to the measured rows of a table.
-
-    Parameters
-    ----------
-    table
-        Pose columns (m, rad) and wrench columns (N, N m), as a table, a data frame, a dict or a
-        file; rows of other kinds are left out.
-    model
-        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`; an
-        `Expression`; or a function f(poses (N, n), **parameters) that returns wrenches (N, m), of
-        the pose and wrench columns of the table.
-    parameters
-        Of a function: start of each parameter by name, as in `Expression`.
-    meta
-        Description of the data, as a dict of what the TOML beside it would hold, or that file.
-    weights
-        noise: by the declared noise of wrench and pose, errors in variables; for exact data a
-        common rig's is assumed, which serves them better than the spread (docs/models.md).
-        spread: each component over its own standard deviation (energies), which for polynomials
-        is the paper's ordinary least squares. auto: noise for energies, spread for polynomials.
-    zero_at_home, stable
-        No wrench, and a stable rest, at the undeformed pose.
-    force
-        Take a table as it is, also where an elastic body contradicts its signs or columns. Else
-        such a table is refused where the other columns prove it; where they do not, the fit report
-        says what looks wrong.
-    progress
-        Called with the part of a step that is done, the whole step, and its name.
-
-    Returns
-    -------
-    Model
-        With the covariance of its coefficients where the family has one.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, a table without rows or columns to fit, a wrong sign or axis
-        that the other columns prove, or options that do not fit the model.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> x = np.linspace(-0.01, 0.01, 9)
-    >>> model = fit_model({"x_m": x, "fx_N": 2000.0 * x}, "linear")
-    >>> model.stiffness(np.zeros((1, 1))).round(3)
-    array([[[2000.]]])
-    """
-    specification = _specification(model, parameters)
-    if weights not in get_args(Weights):
-        raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")
-    if weights != "auto" and not specification.weighted:
-        raise InputError(
-            f"model {specification.name}: weights are chosen for polynomials and energies only"
-        )
-    if not specification.any_columns and table.pose_columns != POSE:
-        raise InputError(
-            f"{table.source}: {specification.name} needs all six pose columns, found "
-            f"{', '.join(table.pose_columns) or 'none'}",
-            remedy=CHOOSE,
-        )
-    if not force:
-        refuse_unused_inputs(table, specification)
-    wrong = None if force else wrong_convention(table, refuse=True)
-    try:
-        fitted = fit_rows(table, specification, weights, progress)
-    except ModelError as unfit:  # more coefficients than equations, or columns that never vary
-        way = CHOOSE if len(table) > 1 else None  # a single row leaves nothing to choose by
-        raise InputError(f"{table.source}: {unfit}", remedy=way) from None
-    if zero_at_home or stable:
-        fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
-    part = on_what_is_measured(fitted, table)
-    known: dict[str, Any] = {"pose_error": error_of_report(part, table.measured())}
-    if wrong is not None:
-        known["misread"] = {"sentence": wrong.sentence()}
-    known["poses"] = sample_of(table, taken_by(fitted.base))
-    return replace(fitted, training={**fitted.training, **known})
+from ecm.regression.rows import inputs_of, unused_inputs
 
 
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
@@ -168,14 +70,6 @@ def remedy_of_inputs(table: Table, out: str = "OUT") -> Remedy:
 def _has_energy_of_inputs(table: Table) -> bool:
     whole = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
     return whole and bool(table.actuation_columns)
-
-
-def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpecification:
-    if callable(model) and not isinstance(model, type | ModelSpecification):
-        return FunctionModel(model, parameters_of({} if parameters is None else parameters))
-    if parameters is not None:
-        raise InputError("parameters belong to a function; an Expression has its own")
-    return parse_model(model)
 
 
 def fit_rows(
@@ -383,11 +277,6 @@ def _share(base: StiffnessMap, measured: Table) -> float:
     return int(seen.sum()) / (len(np.unique(repeat_cells(measured))) * len(base.outputs))
 
 
-_OUTLYING = 33.0
-"""Squared error over the median one up to which a reading counts whole, as in the diagnosis: of
-Gaussian noise one in 10,000 is larger."""
-
-
 def _score(base: StiffnessMap, measured: Table) -> float:
     """Generalised cross-validation error, product over components: each has a noise of its own.
 
@@ -400,7 +289,8 @@ def _score(base: StiffnessMap, measured: Table) -> float:
     spread = np.ptp(truth, axis=0)
     squares = (truth - base.predict(poses)) ** 2
     least = (_EXACT * spread) ** 2
-    limit = _OUTLYING * np.maximum(np.median(squares, axis=0), least)
+    beyond, middle = outlying_squares(1)
+    limit = beyond / middle * np.maximum(np.median(squares, axis=0), least)
     squares = np.maximum(np.minimum(squares, limit).mean(axis=0), least)
     logs = np.log(squares[spread > 1e-12])
     return float(np.exp(logs.sum() / max(len(logs), 1))) / (rest * rest)
@@ -429,124 +319,13 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if _has_energy_of_inputs(table):
         return _energy_of_inputs(table, base)
     if six and body is not None:
-        return measured_part(fit_model(table, "physics", force=True).base, table)
+        return measured_part(fit_rows(table, parse_model("physics")).base, table)
     if six and table.meta.length_m is not None:
         return symmetric_energy(table)
     alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
     if isinstance(model.base, PolynomialMap) and alike and len(model.inputs) < len(POSE):
         return polynomial(table, also=model.base.model.degree)
     return polynomial(table)
-
-
-@dataclass(eq=False)
-class ModelEstimator:
-    """A model with `fit`, `predict` and `score`, for `clone`, `cross_val_score` and the like.
-
-    Parameters
-    ----------
-    model
-        A specification or its short name.
-    length_m
-        Length of the mechanism, m; energies, rods and constraints need it.
-    weights, zero_at_home, stable, force
-        As in `fit_model`.
-
-    Attributes
-    ----------
-    model_
-        The fitted `Model`.
-
-    Examples
-    --------
-    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 6))
-    >>> wrenches = 1000.0 * poses
-    >>> estimator = ModelEstimator("linear").fit(poses, wrenches)
-    >>> round(estimator.score(poses, wrenches), 6)
-    1.0
-    >>> estimator.set_params(model="cubic").get_params()["model"]
-    'cubic'
-    """
-
-    _estimator_type = "regressor"
-
-    model: ModelSpecification | str = "cubic"
-    _: KW_ONLY
-    length_m: float | None = None
-    weights: Weights = "auto"
-    zero_at_home: bool = False
-    stable: bool = False
-    force: bool = False
-    model_: Model = field(init=False, repr=False)
-
-    def fit(self, X: Any, y: Any) -> ModelEstimator:
-        """Fit the model to poses X (N, 6) in m and rad and wrenches y (N, 6) in N and N m.
-
-        Raises
-        ------
-        InputError
-            For arrays of another shape, and as `fit_model`.
-        """
-        columns = dict(zip(POSE, _array(X, "X").T, strict=True))
-        columns |= dict(zip(WRENCH, _array(y, "y").T, strict=True))
-        mechanism = {} if self.length_m is None else {"length_m": self.length_m}
-        options = self.get_params(False)
-        options.pop("length_m")
-        self.model_ = fit_model(Table(columns, Meta(mechanism=mechanism), "X, y"), **options)
-        return self
-
-    def predict(self, X: Any) -> F:
-        """(N, 6) wrenches in N and N m at poses X (N, 6)."""
-        if not hasattr(self, "model_"):
-            raise InputError("this estimator was not fitted yet: call fit(X, y) first")
-        return self.model_.predict(_array(X, "X"))
-
-    def score(self, X: Any, y: Any) -> float:
-        """Coefficient of determination R², mean over the six wrench components."""
-        truth = _array(y, "y")
-        residual = ((truth - self.predict(X)) ** 2).sum(axis=0)
-        total = ((truth - truth.mean(axis=0)) ** 2).sum(axis=0)
-        # A component that never varies counts 1 where it is met exactly, else 0.
-        constant = total == 0.0
-        share = np.where(constant, residual > 0.0, residual / np.where(constant, 1.0, total))
-        return float(1.0 - share.mean())
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Options by name; with `deep` also fields of the specification as `model__degree`."""
-        options = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
-        if deep:
-            own = parse_model(self.model)
-            options |= {f"model__{item.name}": getattr(own, item.name) for item in fields(own)}
-        return options
-
-    def set_params(self, **options: Any) -> ModelEstimator:
-        """Change options, or fields of the specification as `model__degree`."""
-        for name, value in options.items():
-            known = self.get_params()
-            if name not in known:
-                raise InputError(f"option {name!r}: expected one of {', '.join(known)}")
-            if not name.startswith("model__"):
-                setattr(self, name, value)
-            else:
-                change: dict[str, Any] = {name.removeprefix("model__"): value}
-                self.model = replace(parse_model(self.model), **change)
-        return self
-
-    def __sklearn_tags__(self) -> Any:
-        """What scikit-learn asks for since its release 1.6."""
-        sklearn = require("sklearn.utils", "learn", "ModelEstimator in scikit-learn")
-        tags = sklearn.Tags(
-            estimator_type="regressor",
-            target_tags=sklearn.TargetTags(required=True, multi_output=True, single_output=False),
-            regressor_tags=sklearn.RegressorTags(),
-        )
-        return tags
-
-
-def _array(values: Any, name: str) -> F:
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != len(POSE):
-        raise InputError(f"{name} has shape {array.shape}: expected (N, {len(POSE)})")
-    return array
 
 
 _NEAR = 1e-6

@@ -84,9 +84,7 @@ def fit_summary(
         sentences.append(correlated.sentence())
     if model.most_rows is not None and len(measured) > model.most_rows:
         sentences.append(f"{model.most_rows} of {len(measured)} rows were fitted: {CHOSEN}")
-    with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
-    single = with_threshold or isinstance(model, PhysicsModel)
-    held_out = None if single else _held_out(table, model, seed, fitted.base, progress)
+    held_out = _held_out(table, model, seed, fitted.base, progress)
     parameters = _parameters(whole)
     for part in (held_out, parameters):
         if part is not None:
@@ -123,6 +121,34 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
     } | {"covariance": fitted.covariance.tolist(), "sentences": sentences}
 
 
+def held_out_shares(
+    table: Table,
+    model: ModelSpecification,
+    base: StiffnessMap,
+    *,
+    seed: int = 0,
+    progress: Told = None,
+) -> dict[str, float] | None:
+    """Ten-fold held-out error over the spread of each component of a model fitted to a table.
+
+    None for a grouped table, for a PCR threshold and physics, which are not fitted again, and where
+    a part of the rows is too few for the model.
+    """
+    if table.meta.group or _single(model):
+        return None
+    try:
+        return cross_validate(
+            table, model, folds=_FOLDS, seed=seed, fitted=base, progress=progress
+        ).shares
+    except EcmError:
+        return None
+
+
+def _single(model: ModelSpecification) -> bool:
+    with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
+    return with_threshold or isinstance(model, PhysicsModel)
+
+
 def _held_out(
     table: Table, model: ModelSpecification, seed: int, base: StiffnessMap, progress: Told
 ) -> dict[str, Any] | None:
@@ -131,13 +157,13 @@ def _held_out(
     Groups are few, so a part is one half and the value is the median over many divisions.
     None where a part of the rows is too few for the model.
     """
+    if not table.meta.group:
+        folds = held_out_shares(table, model, base, seed=seed, progress=progress)
+        how = f"held out, {split_words(table.measured(), _FOLDS)}"
+        return None if folds is None else {"folds": folds, "sentences": _told(how, folds)}
+    if _single(model):
+        return None
     try:
-        if not table.meta.group:
-            folds = cross_validate(
-                table, model, folds=_FOLDS, seed=seed, fitted=base, progress=progress
-            ).shares
-            how = f"held out, {split_words(table.measured(), _FOLDS)}"
-            return {"folds": folds, "sentences": _told(how, folds)}
         own = _shares_of_halves(table, model, True, seed, base, progress)
         random = _shares_of_halves(table, model, False, seed, base, progress)
     except EcmError:

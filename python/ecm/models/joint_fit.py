@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -165,6 +165,7 @@ def joint_fit(
     row_weights: F | None = None,
     freeze_base: bool = False,
     prior: CoefficientPrior | None = None,
+    kept: Mapping[str, Any] | None = None,
 ) -> JointFit:
     """Fit the base's coefficients and the effects' parameters to the table together.
 
@@ -188,14 +189,17 @@ def joint_fit(
         Keep the base's coefficients.
     prior
         What is known of the base's coefficients beside the rows.
+    kept
+        What effects that are frozen took of the rows of their own fit, as `Rows.of_fit`.
     """
+    kept = kept or {}
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
     at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
-    rows = Rows(table, base)
+    rows = Rows(table, base, dict(kept))
     root = None if row_weights is None else np.sqrt(row_weights)
     whitener = whiteners(noise.covariance(rows, base.error))
     priors = _priors_of(base, prior, at.free_base)
-    data = _Data(table.matrix(base.outputs), whitener, root, priors)
+    data = _Data(table.matrix(base.outputs), whitener, root, priors, kept)
     here = data.linearised(at, rows)
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
@@ -269,6 +273,7 @@ class _Data:
     root: F | None
     """(N,) square roots of the rows' weights; None where all count alike."""
     priors: list[CoefficientPrior]
+    kept: Mapping[str, Any]
 
     def linearised(self, at: _At, rows: Rows) -> _Here:
         """What is left there, and its columns."""
@@ -312,7 +317,9 @@ class _Data:
         nothing = np.zeros((0, len(at.values)))
         for part in _PARTS:
             moved = at.moved(part * step)
-            around = Rows(rows.table, moved.base) if at.free_base else rows
+            around = rows
+            if at.free_base:
+                around = Rows(rows.table, moved.base, dict(self.kept))
             try:
                 residual, known = moved.residual(around, self.measured)
             except ModelError:
@@ -458,9 +465,9 @@ def _with_priors(
     return design, response
 
 
-def of_fit(fit: JointFit) -> dict[str, Any]:
+def of_fit(fit: JointFit, kept: Mapping[str, Any]) -> dict[str, Any]:
     """What the effects took of all rows of a fit: `Rows.of_fit` of predictions of other rows."""
-    rows = Rows(fit.rows.table, fit.base)
+    rows = Rows(fit.rows.table, fit.base, dict(kept))
     for item in fit.effects:
         correction_of(item.effect, rows, item.values)
     return rows.of_fit
@@ -504,6 +511,7 @@ def best_shape(
     noise: Noise,
     *,
     freeze_base: bool = False,
+    kept: Mapping[str, Any] | None = None,
 ) -> Effect:
     """The variant of an effect that explains most of the residual of base and other effects.
 
@@ -514,7 +522,7 @@ def best_shape(
     variants = effect.variants(whole)
     if len(variants) == 1:
         return variants[0]
-    fit = joint_fit(base, others, table, noise, freeze_base=freeze_base)
+    fit = joint_fit(base, others, table, noise, freeze_base=freeze_base, kept=kept)
     size = fit.whitened.size
     whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
     fixed = orthonormal(fit.design.reshape(size, fit.design.shape[2]))

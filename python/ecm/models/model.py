@@ -105,8 +105,10 @@ class Model(Shown, EvaluatedModel):
         """What it maps, in one line."""
         columns = f"{', '.join(self.outputs)} of {', '.join(self.inputs)}"
         columns = "wrench of pose" if is_whole(self.base) else columns
-        error = f", error {self.history[-1].held_out:.3g} times the noise" if self.history else ""
-        return f"<Model {self.name}: {columns}, {len(self.params)} parameters{error}>"
+        said = f"<Model {self.name}: {columns}, {len(self.params)} parameters"
+        if not self.history:
+            return f"{said}>"
+        return f"{said}, error {self.history[-1].held_out:.3g} times {self.noise.unit}>"
 
     def blocks(self) -> list[Block]:
         """Return what a notebook shows: the parameters, and the fit report."""
@@ -467,13 +469,14 @@ class Model(Shown, EvaluatedModel):
         shaped = self._shaped(table, used, steps)
         steps.begin(_ALL)
         joint = joint_fit(
-            shaped.base, shaped.effects, table, used, freeze_base=freeze_base, prior=prior
-        )
+            shaped.base, shaped.effects, table, used,
+            freeze_base=freeze_base, prior=prior, kept=self.kept,
+        )  # fmt: skip
         if joint.smallest_taken:
             training["smallest_taken"] = True
         if prior is not None:
             training["prior"] = {"sentence": prior.sentence}
-        if taken := of_fit(joint):
+        if taken := of_fit(joint, self.kept):
             training["of_fit"] = taken
         training["effect_sizes"] = effect_sizes(joint, used)
         training["effect_shares"] = effect_shares(joint)
@@ -520,7 +523,9 @@ class Model(Shown, EvaluatedModel):
             elif beside[position] == shapes:
                 continue
             beside[position] = shapes
-            best = best_shape(self.base, others, form, table, noise, freeze_base=frozen)
+            best = best_shape(
+                self.base, others, form, table, noise, freeze_base=frozen, kept=self.kept
+            )
             shaped = shaped._with_effects({position: best})
         return shaped
 

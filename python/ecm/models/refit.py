@@ -136,6 +136,15 @@ def refuse_worse(
         )
 
 
+def refuse_unless_forced(name: str, *given: Any, **known: Any) -> None:
+    """`refuse_worse` in the words of a function of Python, which has `force`."""
+    try:
+        refuse_worse(*given, **known)
+    except ComputationError as error:
+        said = f"{name}: {error.message}; force=True returns it all the same"
+        raise ComputationError(said, remedy=error.remedy) from None
+
+
 def _why(fitted: Model) -> str:
     """What a body leaves open: it has E and nu, and no coefficients to spare."""
     if fitted.base.kind != "physics":
@@ -224,7 +233,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
     if fitted.base_frozen or fitted.covariance is None:
         return []
     table = table.subsample(spread_rows(table, MANY_ROWS))
-    fit = joint_fit(before.base, before.effects, table, fitted.noise)
+    fit = joint_fit(before.base, before.effects, table, fitted.noise, kept=before.kept)
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
     rest = Rows(table, fitted.base).middle_pose[None]
@@ -313,10 +322,9 @@ def remedy_with_base(
     except (EcmError, np.linalg.LinAlgError):
         return None
     added = "".join(f" --add {effect.id}" for effect in effects)
-    over = "the base's own residual" if found.noise.is_residual else "the noise"
     return Remedy(
         f"fit {found.name.replace('+', ' with ', 1).replace('+', ' and ')}, which errs {error:.3g} "
-        f"times {over} on held-out rows",
+        f"times {found.noise.unit} on held-out rows",
         f"ecm fit DATA --model {name}{added} --out OUT",
     )
 
@@ -365,9 +373,11 @@ def _worse_held_out(fitted: Model) -> list[str]:
     if len(records) < 2 or records[0].rows != records[1].rows:
         return []
     first, second = (record.held_out for record in records)
-    if second <= _WORSE * first:
+    # Below a noise that is known no error tells which model is better.
+    floor = 0.0 if fitted.noise.is_residual else 1.0
+    if second <= max(_WORSE * first, floor):
         return []
-    return [f"on held-out rows it errs {second:.3g} times the noise, before {first:.3g}"]
+    return [f"on held-out rows it errs {second:.3g} times {fitted.noise.unit}, before {first:.3g}"]
 
 
 def _worse_than_mean(
@@ -461,12 +471,8 @@ def refit(
     model = as_model(model, table)
     fitted = _changed(model, table, add, remove, freeze, progress)
     if not force:
-        try:
-            # Without an effect a model errs more: that was asked for.
-            refuse_worse(fitted, table, before=None if remove else model)
-        except ComputationError as error:
-            said = f"refit: {error.message}; force=True returns it all the same"
-            raise ComputationError(said, remedy=error.remedy) from None
+        # Without an effect a model errs more: that was asked for.
+        refuse_unless_forced("refit", fitted, table, before=None if remove else model)
     return fitted
 
 

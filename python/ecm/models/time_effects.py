@@ -39,6 +39,7 @@ from ecm.models.measured_poses import (
 from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
+NEEDS_ENERGY = "steps need an energy or physics model: fit one"
 _NOT_PASSIVE = (
     "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
     "large cycles. Keep the loop's own damping."
@@ -200,7 +201,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
 def _without_steps(model: EvaluatedModel) -> str:
     """Why the files of a model have no steps, and what has."""
     if is_whole(model.base):
-        return "steps need an energy or physics model: fit one"
+        return NEEDS_ENERGY
     if len(model.inputs) == len(model.outputs) == 1:
         return "along a single coordinate only polynomials in c step: ecm fit --model cubic, --to c"
     return "only all six columns, or one of each in c, step; ecm predict has it for a whole table"
@@ -387,6 +388,15 @@ def _warn_of_range(found: TimeEffects, effect: Effect, what: str, inside: str) -
 
 def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
     found.document["damping"] = [float(values[0]), float(values[1])]
+    size = model.training.get("effect_sizes", {}).get(effect.id, 0.0)
+    if size > _SMALL and not model.noise.is_residual:
+        # In a sine of f Hz half a step dt turns the velocity by pi f dt.
+        fast = 1e3 / (np.pi * size)
+        found.warnings.append(
+            f"viscous_damping steps with the mean velocity since the step before, half a step "
+            f"late. What it misses so is below the noise up to {fast:.2g} Hz of motion at steps "
+            f"of 1 ms, up to {fast / 20.0:.2g} Hz at 20 ms."
+        )
     return ""
 
 

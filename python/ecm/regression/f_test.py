@@ -15,6 +15,23 @@ from scipy.linalg import LinAlgError, cholesky, lapack, qr, solve_triangular
 from ecm.io.arrays import F, I
 from ecm.regression.normal_equations import in_blocks
 
+OUTLIER_CHANCE = 1e-4
+"""Rows less likely than this under the noise count less."""
+
+
+def outlying_squares(count: int) -> tuple[float, float]:
+    """Sum of `count` squares of Gaussian noise beyond which a row is an outlier; the median sum.
+
+    Examples
+    --------
+    >>> limit, middle = outlying_squares(1)
+    >>> round(limit / middle, 1)
+    33.3
+    """
+    limit, middle = special.chdtri(count, [OUTLIER_CHANCE, 0.5])
+    return float(limit), float(middle)
+
+
 _DEPENDENT = 1e-5
 """A column is dependent where this share or less is orthogonal to the others; its square is still
 far above the rounding of their products."""

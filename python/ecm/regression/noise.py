@@ -82,6 +82,11 @@ class Noise:
         """
         return self.components is not None and self.source == "assumed"
 
+    @property
+    def unit(self) -> str:
+        """What errors over these figures are multiples of, in words."""
+        return "the base's own residual" if self.is_residual else "the noise"
+
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""
         return np.array([getattr(self, name) for name in _FIGURES])

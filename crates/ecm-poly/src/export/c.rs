@@ -202,13 +202,13 @@ impl Steps {
         let (frame, own, any, words) = match n {
             1 => (
                 include_str!("templates/frame_line.c"),
-                20,
+                21,
                 [-1e30, 1e30],
                 ["", ""],
             ),
             _ => (
                 include_str!("templates/frame_pose.c"),
-                340,
+                376,
                 [1e15, 1e15],
                 [", in the mid frame", ": what @NAME@_adapt takes"],
             ),
@@ -216,7 +216,7 @@ impl Steps {
         let stack = ((numbers + own) * precision.size() + 800).next_multiple_of(16);
         // All of a state but the largest work has a number for each coordinate.
         let kept = (STATE_NUMBERS - 1) / 6 * n + 1;
-        let ahead = stack + (kept + n * n + 16) * precision.size();
+        let ahead = stack + (kept + 16) * precision.size();
         let ranges = effects.input_ranges();
         let parts = [
             ("FRAME", frame),

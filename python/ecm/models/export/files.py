@@ -28,7 +28,7 @@ from ecm.models.export.simulators import fmu, mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
-from ecm.models.time_effects import time_effects
+from ecm.models.time_effects import NEEDS_ENERGY, time_effects
 from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
@@ -343,8 +343,23 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
         raise InputError(
             f"{model.name}: {'; '.join(exported.lost.values())}: the controller would not have the "
             "model that was fitted.",
-            remedy=_without(list(exported.lost), again),
+            remedy=_on_an_energy(model, exported) or _without(list(exported.lost), again),
         )
+
+
+def _on_an_energy(model: Model, exported: Exported) -> Remedy | None:
+    """Fit the effects with a base that steps; None where another base would not keep them."""
+    known = model.known_length_m is not None
+    if not known or any(NEEDS_ENERGY not in why for why in exported.lost.values()):
+        return None
+    ids = [item.id for item in model.effects]
+    options = " ".join(f"--add {id}" for id in ids)
+    return Remedy(
+        f"fit an energy with {' and '.join(ids)}, which steps, and compare "
+        "(or export all the same with --force)",
+        f"ecm fit DATA --model energy4 {options} --out energy.json",
+        force=True,
+    )
 
 
 def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:

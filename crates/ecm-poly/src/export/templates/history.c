@@ -45,12 +45,13 @@ static int history(void)
         }
         if (i % 2 == 1) {
             wrong += !@NAME@_step(&saved, @NAME@_history_p[i], @NAME@_history_dt[i],
-                                  &@NAME@_history_inputs[i], again, slope);
+                                  &@NAME@_history_inputs[i], again, 0);
             for (int32_t j = 0; j < @M@; j++) {
                 wrong += again[j] != h[j];
             }
             wrong += different(&saved, &state);
         }
+        wrong += !@NAME@_settled(@NAME@_history_p[i], 0, again, 0);
         saved = state;
         none[0] = (@NAME@_real)0;
         none[0] /= none[0];

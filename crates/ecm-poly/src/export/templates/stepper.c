@@ -183,9 +183,10 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
 {
     here_t here;
     real lost[2], left[2], total[@N@], steep[@NM@] = {R(0)}, set_h[@N@], set_k[@NM@];
-    real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size;
+    real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size, slope[@NM@];
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
+    k = k ? k : slope;
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     size = size_at(inputs);
     p = ungrown(p, inputs, own);
@@ -283,7 +284,8 @@ void @NAME@_branches(const state_t *state, real wrenches[2 * @N@])
 
 int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@N@], real k[@NM@])
 {
-    real own[@N@], size, sum;
+    real own[@N@], size, sum, slope[@NM@];
+    k = k ? k : slope;
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     sum = size = size_at(inputs);
     @NAME@_value_and_stiffness(ungrown(p, inputs, own), h, k);

@@ -8,7 +8,7 @@
  * settled gives the limit of a long rest at p, without friction, softening and set.
  * predict_ahead steps a copy of the state through count planned ones (p one after another, dt apart) and
  * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
- * For each p h takes @M@ and k @NM@ numbers; k may be 0 in predict_ahead, and there alone.
+ * For each p h takes @M@ and k @NM@ numbers. k may be 0: then the derivative is not written.
  * init, step and settled return 1. Where p, an input or the state is not finite, |theta| > pi, p is
  * farther than four times the measured ones, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
