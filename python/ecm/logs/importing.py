@@ -37,7 +37,7 @@ from ecm.logs.files import (
     read_parquet_log,
     read_text_log,
 )
-from ecm.logs.log import Log, log_of_object
+from ecm.logs.log import Log, log_of_object, with_whole_stamps
 from ecm.logs.mapping import propose
 from ecm.logs.names import Answer, Question, given_units, read_name
 from ecm.logs.sources import (
@@ -408,6 +408,7 @@ class ReadLog(NamedTuple):
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
     """Return what `import_log` understands; `progress` is told the rows or messages."""
     read = _read(log, topics, progress)
+    read = read._replace(log=with_whole_stamps(read.log))
     check_names([*read.log.columns, *read.log.text], read.source)
     return read
 

@@ -7,8 +7,9 @@ a gap of a faster stream are left out: a straight line over a long gap is no mea
 from __future__ import annotations
 
 import itertools
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.csv import named_columns
+from ecm.io.columns import find_unit
+from ecm.io.csv import named_columns, number_of
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
@@ -146,6 +148,32 @@ def seconds_of_dates(cells: Sequence[Any]) -> F | None:
     return seconds
 
 
+def _number(text: str) -> float:
+    found = number_of(text)
+    return math.nan if found is None else found
+
+
+def numbers_in_words(
+    cells: Sequence[Any], number: Callable[[str], float] = _number
+) -> tuple[F, str] | None:
+    """Numbers and unit of cells that are dates, or end in one and the same unit; None of others.
+
+    Examples
+    --------
+    >>> numbers_in_words(["0 sec", "0.02 sec", "NaN sec"])  # durations as MATLAB writes them
+    (array([0.  , 0.02,  nan]), 'sec')
+    >>> numbers_in_words(["on", "off"])
+    """
+    if (times := seconds_of_dates(cells)) is not None:
+        return times, "s"
+    parts = [str(cell).strip().strip('"').split(None, 1) for cell in cells]
+    units = {part[1] for part in parts if len(part) == 2}
+    values = np.array([number(part[0]) if part else math.nan for part in parts])
+    if len(units) != 1 or not np.isfinite(values).mean() > 0.5 or find_unit(*units) is None:
+        return None
+    return values, units.pop()
+
+
 def _instant(cell: Any) -> datetime:
     """The instant of a cell; ValueError where it is none."""
     if isinstance(cell, datetime):
@@ -229,11 +257,40 @@ def _add_cells(
     try:
         columns[name] = np.array([np.nan if c is None or c == "" else float(c) for c in cells])
     except (TypeError, ValueError):
-        times = seconds_of_dates(cells.tolist())
-        if times is None:
+        found = numbers_in_words(cells.tolist())
+        if found is None:
             text[name] = np.array([str(cell) for cell in cells], dtype=object)
         else:
-            columns[name], units[name] = times, "s"
+            columns[name], units[name] = found
+
+
+_STAMP = re.compile(r"(.*)[._/](secs?)", re.IGNORECASE)
+_NANO_S = ("nsec", "nanosec", "nsecs", "nanosecs")
+
+
+def with_whole_stamps(log: Log) -> Log:
+    """Return the log with time stamps of ROS, in seconds and nanoseconds, as one time each, s.
+
+    Examples
+    --------
+    >>> half = {"stamp.secs": np.array([7.0, 7.0]), "stamp.nsecs": np.array([0.0, 5e8])}
+    >>> with_whole_stamps(Log(half)).columns
+    {'stamp': array([0. , 0.5])}
+    """
+    columns, units, notes = dict(log.columns), dict(log.units), list(log.notes)
+    small = {name.lower(): name for name in columns}
+    for name in log.columns:
+        found = _STAMP.fullmatch(name)
+        stem, begin = ("", "") if found is None else (found[1], name[: found.start(2)].lower())
+        nano = next((small[begin + end] for end in _NANO_S if begin + end in small), None)
+        if not stem or nano is None or stem in columns:
+            continue
+        # A time since 1970 has not the digits of nanoseconds: differences come first.
+        whole, rest = (columns.pop(part) for part in (name, nano))
+        first = np.flatnonzero(np.isfinite(whole + rest))[:1]
+        columns[stem], units[stem] = (whole - whole[first]) + 1e-9 * (rest - rest[first]), "s"
+        notes.append(f"{name} and {nano} are one time, which begins at 0")
+    return replace(log, columns=columns, units=units, notes=tuple(notes))
 
 
 _GAP = 5.0

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -450,11 +451,15 @@ def standard_columns(
             f"(names: {', '.join((*POSE, *WRENCH))}, time_s)",
             *mapped.missing,
         )
-    for what, group in (("pose", POSE), ("wrench", WRENCH)):
+    likely = {n: c for answer in mapped.missing for n, c in answer.options["columns"].items()}
+    for what, group, unit in (("pose", POSE, "mm"), ("wrench", WRENCH, "N")):
         if not any(name in found for name in group):
-            notes.append(f"no {what} was found by name, without which no model can be fitted: say "
-                         "--map NAME=COLUMN:UNIT, for example "
-                         f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
+            example = [f"{name}={likely[name]}" for name in group if name in likely]
+            example = [*example, f"{group[0]}=COLUMN:{unit}"]
+            notes.append(
+                f"no {what} was found by name, without which no model can be fitted: say "
+                f"--map NAME=COLUMN:UNIT, for example --map {shlex.quote(example[0])}"
+            )
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable
