@@ -123,7 +123,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
             yield place, of_width(split(line, sign), width, remarks)
 
     raw = read_lines(kept[begin:], names, cells_of, told, separator=sign, comma=comma)
-    columns, text = _columns(raw, comma, units)
+    columns, text, epochs = _columns(raw, comma, units)
     bad = len(raw.ragged)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
@@ -135,7 +135,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
         notes.append("the first column has no name and counts the rows: it was left aside")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
-    return Log(columns, text, units, tuple(notes))
+    return Log(columns, text, units, tuple(notes), epochs)
 
 
 def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str, F]) -> bool:
@@ -250,9 +250,10 @@ def _is_unit(word: str) -> bool:
 
 def _columns(
     raw: RawTable, comma: bool, units: dict[str, str]
-) -> tuple[dict[str, F], dict[str, NDArray[np.object_]]]:
-    """Numbers and text by name. Dates become seconds, which is added to `units`."""
+) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], dict[str, float]]:
+    """Numbers, text and epochs by name. Dates become seconds, which is added to `units`."""
     columns: dict[str, F] = {}
+    epochs: dict[str, float] = {}
     text: dict[str, NDArray[np.object_]] = {}
     for name, cells in zip(raw.names, raw.columns, strict=True):
         if isinstance(cells, np.ndarray):
@@ -262,10 +263,10 @@ def _columns(
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         elif (found := numbers_in_words(cells, partial(number, comma=comma))) is not None:
-            columns[name], units[name] = found
+            columns[name], units[name], epochs[name] = found
         else:
             text[name] = np.array([str(cell).strip().strip('"') for cell in cells], dtype=object)
-    return columns, text
+    return columns, text, epochs
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"

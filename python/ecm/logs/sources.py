@@ -36,7 +36,7 @@ from ecm.io.description import shown_ranges
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
 from ecm.io.validate import is_unsorted
-from ecm.logs.log import Log
+from ecm.logs.log import EPOCH_S, Log
 from ecm.logs.names import (
     Answer,
     Named,
@@ -414,10 +414,6 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     )
 
 
-_EPOCH_S = 1e8
-"""Larger times count from an epoch; the table's begin at 0."""
-
-
 def standard_columns(
     log: Log, mapped: ColumnMap, source: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
@@ -506,14 +502,15 @@ def sort_by_time(table: dict[str, NDArray[Any]], usable: B) -> tuple[B, list[str
     return usable[order], ["the rows were put in the order of time, and are counted in it"]
 
 
-def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
-    """Begin time at 0; a time that begins again starts a new run."""
+def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> tuple[list[str], float]:
+    """Begin time at 0; a time that begins again starts a new run. Notes, and 0 since 1970, s."""
     if "time_s" not in table:
-        return []
-    time, notes = table["time_s"], []
+        return [], 0.0
+    time, notes, epoch_s = table["time_s"], [], 0.0
     known = time[np.isfinite(time)]
-    if len(known) and known.min() > _EPOCH_S:
+    if len(known) and known.min() > EPOCH_S:
         power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
+        epoch_s = float(known.min()) / 10.0 ** (3 * power)
         time = (time - known.min()) / 10.0 ** (3 * power)
         notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
@@ -525,7 +522,7 @@ def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
         rows = shown_ranges((back + 1).tolist())
         notes.append(f"time begins again at row {rows}: {len(back) + 1} runs")
     table["time_s"] = time
-    return notes
+    return notes, epoch_s
 
 
 def drop_columns_with_gaps(
