@@ -98,7 +98,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
             begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
             columns[name], units[name] = (own - begin) / np.timedelta64(1, "ns") * 1e-9, "s"
             if own.dtype.kind == "M":
-                epochs[name] = float((begin - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
+                epochs[name] = float(begin.astype("M8[ms]").astype(np.int64)) * 1e-3
         elif own.dtype.kind in "fiub":
             values = own.astype(np.float64).reshape(rows, -1).T
             for index, part in zip(np.ndindex(own.shape[1:]), values, strict=True):

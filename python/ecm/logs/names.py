@@ -434,6 +434,7 @@ _COLUMN_OF = {
     "torque": ("tau_z_Nm", "N mm"),
 }
 """The column that one of this dimension becomes, and its unit where none is stated."""
+_ALONG = {"length": POSE[:3], "angle": POSE[3:], "force": WRENCH[:3], "torque": WRENCH[3:]}
 _WORDS = {"length": "displacement", "angle": "rotation", "force": "force", "torque": "torque"}
 _PER_ONE = {
     "strain": ("pose", "gauge length", "50 mm"),
@@ -547,10 +548,8 @@ def _by_name(kind: str, named: Mapping[str, Named]) -> tuple[str, str, str, str]
             stated = stated or dimension in trailing_units(name)[1]
             parts = [guess.part for guess in own.guesses if guess.dimension == dimension]
             if stated or parts:
-                of = {"length": POSE[:3], "angle": POSE[3:], "force": WRENCH[:3]}
-                axis = ABOUT.get("".join(parts[:1]), "".join(parts[:1]))
-                axes = dict(zip(_AXES, of.get(dimension, WRENCH[3:]), strict=True))
-                standard = axes.get(axis, usual_one)
+                axes = dict(zip(_AXES, _ALONG[dimension], strict=True))
+                standard = axes.get("".join(ABOUT.get(part, part) for part in parts[:1]), usual_one)
                 ending = "" if stated else usual
                 return standard, name, ending, f"'{name}' is taken as {standard}"
     return None
