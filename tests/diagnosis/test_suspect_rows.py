@@ -111,6 +111,25 @@ def test_a_way_through_air_and_a_late_tracker_are_a_start_up() -> None:
     assert found(columns)["start_up"] == set(range(1, 41))
 
 
+@pytest.mark.parametrize(("end", "reason"), [("hold", ""), ("pull", "clipped"), ("lost", "stuck")])
+def test_a_hold_in_which_the_load_settles_is_no_fault(end: str, reason: str) -> None:
+    """A testing machine goes up, stays and comes back; a load cell at its limit does not settle."""
+    ramp = np.interp(np.arange(ROWS) % 600, [0, 200, 400, 600], [0.0, 1.0, 1.0, 0.0])
+    slow, force = 0.0, np.zeros(ROWS)
+    for i in range(1, ROWS):
+        slow = 0.985 * slow + 20.0 * (ramp[i] - ramp[i - 1])
+        force[i] = 30.0 * ramp[i] + slow
+    y = 0.01 * ramp * np.where(np.arange(ROWS) < 2400, 1.0, 1.2)  # the last cycle is larger
+    columns = {"time_s": 0.01 * np.arange(ROWS), "y_m": y, "fy_N": force}
+    columns["fy_N"] += 0.02 * np.random.default_rng(6).normal(size=ROWS)
+    if end == "pull":  # the load cell is at its limit while the machine goes on
+        columns = {name: values[:190] for name, values in columns.items()}
+        columns["fy_N"] = np.minimum(columns["fy_N"], 30.0)
+    if end == "lost":  # the tracker stands still in a way
+        columns["y_m"][700:760] = columns["y_m"][700]
+    assert set(found(columns)) == ({reason} if reason else set())
+
+
 @pytest.mark.parametrize("name", ["coarse", "ramp", "holds"])
 def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
     columns = log()

@@ -71,11 +71,15 @@ def test_time_of_a_clock_is_told_with_what_makes_it_time_since_the_start(scale: 
     assert f"State offset = {-1.7e9 * scale:.10g} for it" in said
 
 
-def test_dates_are_the_clock_that_they_are() -> None:
+def test_dates_count_from_the_first_in_a_table_as_in_an_import() -> None:
     pandas = pytest.importorskip("pandas")
     dates = pandas.date_range("2026-01-05", periods=24, freq="s", tz="Europe/Berlin")
-    table = ecm.as_table(pandas.DataFrame(spring(), index=dates))
-    assert "time_s begins only at" in doubts(table, None)[0]
+    frame = pandas.DataFrame(spring(), index=dates)
+    table = ecm.as_table(frame)
+    assert table["time_s"].tolist() == list(range(24))
+    assert not doubts(table, None)
+    log = ecm.import_log(frame.rename_axis("Date").reset_index())
+    assert log.table["time_s"].tolist() == table["time_s"].tolist()
 
 
 def test_a_table_is_made_of_a_frame_and_becomes_one_again() -> None:

@@ -185,3 +185,58 @@ def test_a_column_with_empty_cells_is_asked_for_with_its_range() -> None:
 def test_a_model_of_one_angle_is_chosen_among_nine_polynomials() -> None:
     table = ecm.as_table({"theta_z_rad": TURN[:, 2], "tau_z_Nm": LOAD[:, 3]})
     assert [one.name for one in default_candidates(table)] == [f"poly:{d}" for d in range(1, 10)]
+
+
+def test_a_column_of_remarks_below_a_row_of_units_costs_no_row(tmp_path: Path) -> None:
+    rows = [f"{0.1 * i:.1f};{20.0 + i:.1f};{0.01 * i:.3f}".replace(".", ",") for i in range(N)]
+    ends = [";checked" if i % 20 == 0 else ";" for i in range(N)]
+    path = tmp_path / "excel.csv"
+    for names, units in (("Bemerkung", ""), ("Befund", ""), ("Befund", "-")):
+        head = f"Zeit;Biegewinkel;Moment;{names}\ns;°;Nm;{units}\n"
+        text = head + "\n".join(map("".join, zip(rows, ends, strict=True)))
+        path.write_text(text, encoding="utf-8-sig")
+        table = import_log(path, axis="z").table
+        assert len(table) == N
+        assert table["theta_z_rad"][0] == pytest.approx(np.radians(20.0))
+
+
+def test_cells_that_end_in_one_unit_are_numbers_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "matlab.csv"
+    cells = [f"{20 * i} ms,{0.1 * i:.1f},{i}" for i in range(N)]
+    path.write_text("Time,x_mm,Fx_N\n" + "\n".join([*cells, "NaN ms,1,2"]), encoding="utf-8")
+    imported = import_log(path, leave_out=True)
+    assert np.allclose(imported.table["time_s"], 0.02 * np.arange(N))
+    words = {"x_m": [0.0, 1.0], "fx": ["2 N", "3 N"], "gain": ["2 N", "3 mN"]}
+    frame = import_log(words)
+    assert frame.table["fx_N"].tolist() == [2.0, 3.0]
+    assert "column 'gain' is text" in str(frame)
+
+
+@pytest.mark.parametrize("ends", [("secs", "nsecs"), ("sec", "nanosec")])
+def test_stamps_in_seconds_and_nanoseconds_are_one_time(ends: tuple[str, str]) -> None:
+    nano = 1767225600 * 10**9 + 990 * 10**6 + 4 * 10**6 * np.arange(N)
+    stamp = {f"header.stamp.{ends[0]}": nano // 10**9, f"header.stamp.{ends[1]}": nano % 10**9}
+    log = stamp | {"pose.position.x": PLACE[:, 0], "wrench.force.x": LOAD[:, 0]}
+    table = import_log(log, units="SI").table
+    assert np.allclose(table["time_s"], 0.004 * np.arange(N), rtol=0.0, atol=1e-12)
+    assert not table.covariates
+
+
+def test_tensions_are_named_as_pressures_are() -> None:
+    names = ["Tension 1 [N]", "tension_2 (kN)", "Druck Kammer 1 [bar]", "x [mm]", "Fx [N]"]
+    log = dict(zip(names, LOAD.T, strict=False))
+    table = import_log(log).table
+    assert table.actuation_columns == ("pressure_1_Pa", "tension_1_N", "tension_2_N")
+    assert np.allclose(table["tension_2_N"], 1e3 * LOAD[:, 1])
+
+
+@pytest.mark.parametrize(
+    ("name", "standard"),
+    [("Bending angle about y [rad]", "theta_y_rad"), ("pitch [rad]", "theta_y_rad"),
+     ("rot_z_rad", "theta_z_rad")],
+)  # fmt: skip
+def test_one_angle_about_an_axis_is_the_rotation_vector(name: str, standard: str) -> None:
+    log = {name: TURN[:, 0], "Moment about y [Nm]": LOAD[:, 0]}
+    assert np.allclose(import_log(log).table[standard], TURN[:, 0])
+    with_flexion = log | {"flexion [deg]": TURN[:, 1]}
+    assert not import_log(with_flexion).table.pose_columns

@@ -157,7 +157,11 @@ def test_what_names_do_not_decide_about_a_rotation() -> None:
 
 
 def test_a_log_without_pose_or_wrench_is_told_so() -> None:
-    assert "no pose was found by name" in str(import_log({"yaw_deg": ANGLE, "fx_N": ANGLE}))
+    two = import_log({"pitch_deg": ANGLE, "yaw_deg": ANGLE, "fx_N": ANGLE})
+    assert "no pose was found by name" in str(two)
+    assert "--map theta_y_rad=pitch_deg" in str(two)
+    about = import_log({"angle x [deg]": ANGLE, "angle y [deg]": ANGLE, "fx_N": ANGLE})
+    assert "--map 'theta_x_rad=angle x [deg]'" in str(about)
     assert "no wrench was found by name" in str(import_log({"x_m": ANGLE, "Fx (V)": ANGLE}))
 
 

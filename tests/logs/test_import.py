@@ -518,3 +518,29 @@ def test_a_word_in_the_place_of_a_unit_that_is_none_is_named() -> None:
     told = import_log(log, columns={"fx_N": "force x (slugs):2.5 N"})
     assert "is no unit" not in str(told)
     assert told.table["fx_N"][2] == 5.0
+
+
+@pytest.mark.parametrize("form", ["dates", "epoch", "frame"])
+def test_logs_with_dates_are_joined_in_the_order_of_their_time(tmp_path: Path, form: str) -> None:
+    """The drift of the sensor goes on in the pause, whatever order the tables are given in."""
+    time = np.arange(200.0)
+    tables = []
+    for name, begin in (("late", 900), ("early", 0)):
+        z = 6.0 * np.sin(time / 6.0) + 2.0 * np.sin(time / 2.0)
+        force = 14.0 * z + 0.02 * (begin + time)
+        clock: Any = 1772456400.0 + begin + time
+        if form == "frame":
+            clock = clock.astype("M8[s]")
+        if form == "dates":
+            clock = [str(one) for one in clock.astype("M8[s]").tolist()]
+        imported = import_log({"Time": clock, "z_mm": z, "Fz_N": force})
+        assert imported.table["time_s"][0] == 0.0
+        imported.write(tmp_path / f"{name}.csv")
+        tables.append(str(tmp_path / f"{name}.csv"))
+    joined = ecm.as_table(tables)
+    assert joined.source == " + ".join(tables[::-1])
+    assert joined["time_s"][[0, 199, 200]].tolist() == [0.0, 199.0, 900.0]
+    assert joined.meta.file.begins_s == (900.0,)
+    (said,) = (words for words in joined.warnings if "order of their time" in words)
+    assert said.endswith(", ".join(tables[::-1]))
+    assert "taken in the order" not in " ".join(ecm.as_table(tables[::-1]).warnings)

@@ -239,12 +239,20 @@ def test_logs_that_are_dropped_together_become_runs_of_one_table(
         user.session.add_table(log, name, more=name == "b.log")
     meta = saved(tmp_path / "meta.toml", "[instrument]\nforce_sd_N = 0.02\n")
     user.session.add_description(meta, "meta.toml")
-    assert user.get("/api/state").json()["dropped"] == ["a.log", "meta.toml"]
+    assert user.get("/api/state").json()["dropped"] == ["a.log", "b.log"]
     state = user.step("import", map=["x_m=x [mm]:mm", "fx_N=Force 1:N"])
     imported = [item for item in state["steps"] if item["verb"] == "import"]
     assert [item["status"] for item in imported] == ["done", "done"], imported
     assert "--meta upload-3.toml" in imported[1]["command"]
-    assert (state["check"]["rows"], len(state["data"])) == (40, 2)
+    assert state["check"]["rows"] == 40
+    # They keep the names under which they were dropped, and the base is called by what was chosen.
+    assert [item["name"] for item in state["data"]] == ["a.log", "b.log"]
+    assert [item["name"] for item in imported] == ["a.log", "b.log"]
+    for warning in state["pending"]:
+        user.post("/api/accept", json={"warning": warning})
+    (rung,) = user.step("fit", model="choose")["rungs"]
+    assert (rung["asked"], rung["name"]) == ("choose", rung["report"]["model"])
+    assert rung["name"].startswith("poly:")
     wrong = user.post("/api/step", json={"verb": "import", "log": "../x.log"})
     assert wrong.status_code == 400
     table = read_table([user.session.folder / item["file"] for item in state["data"]])

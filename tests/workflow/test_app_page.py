@@ -251,11 +251,12 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
         page.js(f"(() => {{{_DROP}}})()")
         page.until(
             "fetch('/api/state').then(r => r.json()).then(s => !s.running"
-            " && s.check && s.data.length === 2 && s.data[1].name === 'length.toml')"
+            " && s.check && s.data.length === 2"
+            " && s.steps.filter(step => step.verb === 'upload').length === 3)"
         )
         state = _state(page)
         assert "b.csv: 100 % is here, file 2 of 3" in page.js("window.told")
-        assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
+        assert [item["name"] for item in state["data"]] == ["a.csv", "b.csv"]
         assert state["check"]["rows"] == 40
 
 

@@ -55,6 +55,7 @@ _TIMES = {
     "min": 60.0,
     "minutes": 60.0,
     "h": 3600.0,
+    "hr": 3600.0,
     "hours": 3600.0,
 } | dict.fromkeys(("s", "sec", "second", "seconds"), 1.0)
 _TORQUES = (

@@ -121,9 +121,9 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
 
 
 def _in_seconds(name: str, values: NDArray[Any]) -> NDArray[Any]:
-    """Spans of time as numbers, s; of dates those of time_s, since 1970."""
-    if values.dtype.kind == "M" and name == "time_s":
-        values = values - np.datetime64(0, "s")
+    """Spans of time as numbers, s; of dates those of time_s, since the first."""
+    if values.dtype.kind == "M" and name == "time_s" and len(values):
+        values = values - np.fmin.reduce(values)
     return values / np.timedelta64(1, "s") if values.dtype.kind == "m" else values
 
 

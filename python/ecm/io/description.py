@@ -209,6 +209,8 @@ class FileMeta(Checked):
     """sha256 of the sealed truth file of a hidden effect."""
     begins_s: tuple[float, ...] = setting((), any_size=True)
     """Begin of each later campaign."""
+    epoch_s: float = setting(0.0, low=0.0)
+    """When `time_s` is 0, since 1970: orders tables that are given together; 0 is not known."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

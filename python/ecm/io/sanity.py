@@ -323,6 +323,8 @@ _PLATEAU, _STUCK = 4, 20
 
 An end is reached in any case: there fewer rows suffice.
 """
+_SLOWER = 1.5
+"""What settles moves so many times farther in the first half of a hold than in the second."""
 _SAME, _APART = 24, 0.2
 """Fewest numbers, all but 0, that repeat those of the row before in a stuck reading of static rows,
 and least share of a column's range that others move on meanwhile.
@@ -362,7 +364,8 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     - start_up: the beginning of a run, until pose and wrench are first in the range of its second
       half; a rest and a first loading, which are measurements, are none;
     - clipped: several rows at exactly the largest or smallest value of a channel;
-    - stuck: a channel that stays at a value while another one moves;
+    - stuck: a channel that stays at a value while another one moves, unless it is held: it comes
+      and leaves in usual steps, and the others settle;
     - few_rows: few rows that alone set the range of a pose column;
     - repeated_time: a time stamp of an earlier row.
 
@@ -576,17 +579,29 @@ def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[st
     between = ~np.isin(level, ends)  # near a peak a coarse channel stays longer than elsewhere
     usual = float(np.quantile(lengths[between], 1.0 - _RARE)) if between.any() else len(values)
     long = lengths >= _OUT * usual
+    others = [other for key, other in channels.items() if key != name]
+    step = float(np.quantile(np.abs(np.diff(level)), 1.0 - _RARE))
+    for i in np.flatnonzero(long):
+        begin, end = begins[i], begins[i] + lengths[i]
+        moved = [v[begin:end] for v in others if np.ptp(v[begin:end]) > _MOVING * np.ptp(v)]
+        # Held on purpose: it comes and leaves in usual steps, and the others settle meanwhile.
+        even = np.abs(np.diff(values[max(begin - 1, 0) : end + 1])).max() <= step
+        held = bool(moved) and even and all(map(_settles, moved))
+        long[i] = (bool(moved) or not between[i]) and not held
     for end in ends:
         own = long & (lengths >= _PLATEAU) & (level == end)
         if own.any():
             yield "clipped", f"{name} stays at {end:.4g}", np.flatnonzero(np.repeat(own, lengths))
-    others = [other for key, other in channels.items() if key != name]
     stuck = long & (lengths >= _STUCK) & between
-    for i in np.flatnonzero(stuck):
-        part = slice(begins[i], begins[i] + lengths[i])
-        stuck[i] = any(np.ptp(other[part]) > _MOVING * np.ptp(other) for other in others)
     if stuck.any():
         yield "stuck", f"{name} stays while others move", np.flatnonzero(np.repeat(stuck, lengths))
+
+
+def _settles(values: F) -> bool:
+    """Whether readings go one way and slow down, as of relaxation and creep, not of a ramp."""
+    level = np.array([np.median(part) for part in np.array_split(values, 6)])
+    first, second = (float(level[j] - level[i]) for i, j in ((0, 2), (3, 5)))
+    return first * second >= 0.0 and abs(first) > _SLOWER * abs(second)
 
 
 def _few_rows(values: F) -> I:

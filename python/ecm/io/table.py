@@ -29,7 +29,7 @@ from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import did_you_mean, refuse_pipe
-from ecm.io.validate import join_runs, validated_columns
+from ecm.io.validate import by_the_clock, join_runs, validated_columns
 
 Need = Literal["fit", "predict"]
 """fit: at least one pose and one wrench column; predict: at least one pose column."""
@@ -606,7 +606,13 @@ def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Tab
 
 
 def _joined(tables: Sequence[Table]) -> Table:
-    columns, meta, warnings = join_runs([(t.columns, t.meta, t.source) for t in tables])
-    source = " + ".join(table.source for table in tables)
+    given = [(table.columns, table.meta, table.source) for table in tables]
+    parts = by_the_clock(given)
+    columns, meta, warnings = join_runs(parts)
+    names = [name for *_, name in parts]
+    source = " + ".join(names)
     before = dict.fromkeys(warning for table in tables for warning in table.warnings)
+    if names != [name for *_, name in given]:
+        order = f"the tables are taken in the order of their time: {', '.join(names)}"
+        warnings = (order, *warnings)
     return Table(columns, meta, source, (*before, *warnings))

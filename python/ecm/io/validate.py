@@ -426,6 +426,35 @@ _SAME_POSITION_M = 2e-3
 _SAME_ROTATION_RAD = 2e-2
 
 
+def by_the_clock(parts: Sequence[Part]) -> list[Part]:
+    """Return the tables in the order of their time, where it tells one; else in that given.
+
+    Times that each begin at 0 are put on one clock where the descriptions say when that was.
+
+    Examples
+    --------
+    >>> late, early = ({"time_s": np.array([t, t + 1.0])} for t in (7.0, 3.0))
+    >>> [name for *_, name in by_the_clock([(late, Meta(), "late"), (early, Meta(), "early")])]
+    ['early', 'late']
+    """
+    if not all(len(columns.get("time_s", ())) for columns, *_ in parts):
+        return list(parts)
+    first = min(meta.file.epoch_s for _, meta, _ in parts)
+    if first > 0.0:
+        parts = [_later(part, part[1].file.epoch_s - first) for part in parts]
+    ordered = sorted(parts, key=lambda part: float(part[0]["time_s"][0]))
+    pairs = itertools.pairwise(ordered)
+    clear = all(a["time_s"][-1] < b["time_s"][0] for (a, *_), (b, *_) in pairs)
+    return ordered if clear else list(parts)
+
+
+def _later(part: Part, seconds: float) -> Part:
+    columns, meta, source = part
+    begins_s = tuple(begin + seconds for begin in meta.file.begins_s)
+    file = replace(meta.file, begins_s=begins_s, epoch_s=meta.file.epoch_s - seconds)
+    return {**columns, "time_s": columns["time_s"] + seconds}, replace(meta, file=file), source
+
+
 def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tuple[str, ...]]:
     """Return columns, description and warnings of the tables taken one after the other.
 

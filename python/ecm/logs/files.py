@@ -8,7 +8,9 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from ecm.io.columns import is_other_unit
 from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress
 from ecm.io.extras import read_parquet, readable, require
-from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, seconds_of_dates, unique_names
+from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, numbers_in_words, unique_names
 from ecm.logs.names import Answer, Question, find_unit
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
@@ -108,7 +110,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
     word, begin, width = _layout(kept[:_SAMPLE], path)
     sign = SEPARATORS[word]
     comma = word != "commas" and has_decimal_comma(kept[begin:], sign, path)
-    remarks = begin > 0 and ends_with_remark(split(kept[begin - 1], sign), width)
+    remarks = any(ends_with_remark(split(line, sign), width) for line in kept[:begin])
     above = [of_width(split(line, sign), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, sign, width)
 
@@ -121,7 +123,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
             yield place, of_width(split(line, sign), width, remarks)
 
     raw = read_lines(kept[begin:], names, cells_of, told, separator=sign, comma=comma)
-    columns, text = _columns(raw, comma, units)
+    columns, text, epochs = _columns(raw, comma, units)
     bad = len(raw.ragged)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
@@ -133,7 +135,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
         notes.append("the first column has no name and counts the rows: it was left aside")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
-    return Log(columns, text, units, tuple(notes))
+    return Log(columns, text, units, tuple(notes), epochs)
 
 
 def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str, F]) -> bool:
@@ -161,7 +163,11 @@ def _layout(lines: list[str], path: Path) -> tuple[str, int, int]:
     """The word of the separator, first row of numbers, and number of cells."""
     best: tuple[float, str, int, int] | None = None
     for word, separator in SEPARATORS.items():
-        cells = [trimmed(split(line, separator)) for line in lines]
+        cells = [split(line, separator) for line in lines]
+        full = Counter(map(len, cells[len(cells) // 2 :])).most_common(1)
+        # A column of remarks is empty in most rows, and a column all the same.
+        if not any(full and len(row) == full[0][0] and row[-1].strip() for row in cells):
+            cells = [trimmed(row) for row in cells]
         counts = [len(row) for row in cells[len(cells) // 2 :]]
         if not counts:
             continue
@@ -244,9 +250,10 @@ def _is_unit(word: str) -> bool:
 
 def _columns(
     raw: RawTable, comma: bool, units: dict[str, str]
-) -> tuple[dict[str, F], dict[str, NDArray[np.object_]]]:
-    """Numbers and text by name. Dates become seconds, which is added to `units`."""
+) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], dict[str, float]]:
+    """Numbers, text and epochs by name. Dates become seconds, which is added to `units`."""
     columns: dict[str, F] = {}
+    epochs: dict[str, float] = {}
     text: dict[str, NDArray[np.object_]] = {}
     for name, cells in zip(raw.names, raw.columns, strict=True):
         if isinstance(cells, np.ndarray):
@@ -255,11 +262,11 @@ def _columns(
         values = np.array([number(str(cell), comma) for cell in cells])
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
-        elif (times := seconds_of_dates(cells)) is not None:
-            columns[name], units[name] = times, "s"
+        elif (found := numbers_in_words(cells, partial(number, comma=comma))) is not None:
+            columns[name], units[name], epochs[name] = found
         else:
             text[name] = np.array([str(cell).strip().strip('"') for cell in cells], dtype=object)
-    return columns, text
+    return columns, text, epochs
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -37,7 +37,7 @@ from ecm.logs.files import (
     read_parquet_log,
     read_text_log,
 )
-from ecm.logs.log import Log, log_of_object
+from ecm.logs.log import Log, log_of_object, with_whole_stamps
 from ecm.logs.mapping import propose
 from ecm.logs.names import Answer, Question, given_units, read_name
 from ecm.logs.sources import (
@@ -229,7 +229,9 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     usable, sorted_notes = sort_by_time(table, usable)
     notes += sorted_notes
     unwrap_angle(table, notes)
-    time_notes = begin_time_at_zero(table)
+    time_notes, epoch_s = begin_time_at_zero(table)
+    if "time_s" in mapped.columns:
+        epoch_s = epoch_s or raw.epochs.get(mapped.columns["time_s"].column, 0.0)
     notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})
     gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
     empty = ", ".join(n for n, values in table.items() if not holds_numbers({n: values}).all())
@@ -259,7 +261,8 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     # Samples that follow each other closely are a continuous test.
-    file = replace(given.file, kind="continuous") if samples_s(table) else given.file
+    kind = "continuous" if samples_s(table) else given.file.kind
+    file = replace(given.file, kind=kind, epoch_s=epoch_s or given.file.epoch_s)
     described = replace(given, file=file, leave_out=left, origin=origin)
     return ImportedLog(table, described, source, every, mapped.missing)
 
@@ -408,6 +411,7 @@ class ReadLog(NamedTuple):
 def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) -> ReadLog:
     """Return what `import_log` understands; `progress` is told the rows or messages."""
     read = _read(log, topics, progress)
+    read = read._replace(log=with_whole_stamps(read.log))
     check_names([*read.log.columns, *read.log.text], read.source)
     return read
 

@@ -7,10 +7,11 @@ a gap of a faster stream are left out: a straight line over a long gap is no mea
 from __future__ import annotations
 
 import itertools
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.csv import named_columns
+from ecm.io.columns import find_unit
+from ecm.io.csv import named_columns, number_of
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
@@ -31,6 +33,8 @@ _CLOCK_ALONE = re.compile(rf"^{_CLOCK}$")
 _NO_DATE = 1
 """Year, month and day of a time of day without a date."""
 _DAY_S = 86400.0
+EPOCH_S = 1e8
+"""Larger times count from an epoch; the table's begin at 0."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,8 @@ class Log:
     text: Mapping[str, NDArray[np.object_]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    epochs: Mapping[str, float] = field(default_factory=dict)
+    """When a time by name is 0, s since 1970, where the file has its date."""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -79,6 +85,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
     units: dict[str, str] = {}
+    epochs: dict[str, float] = {}
     aside: list[str] = []
     for name, value in parts.items():
         own = np.moveaxis(value, -1, 0) if value.ndim > 1 and len(value) != rows else value
@@ -86,10 +93,12 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
         if own.ndim == 0 or len(own) != rows or np.prod(own.shape[1:]) > MOST_COMPONENTS:
             aside.append(f"{name} {value.shape}" if value.ndim else name)
         elif own.dtype.kind in "OUS" and own.ndim == 1:
-            _add_cells(name, own, columns, text, units)
+            _add_cells(name, own, columns, text, units, epochs)
         elif own.dtype.kind in "Mm":
             begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
             columns[name], units[name] = (own - begin) / np.timedelta64(1, "ns") * 1e-9, "s"
+            if own.dtype.kind == "M":
+                epochs[name] = float(begin.astype("M8[ms]").astype(np.int64)) * 1e-3
         elif own.dtype.kind in "fiub":
             values = own.astype(np.float64).reshape(rows, -1).T
             for index, part in zip(np.ndindex(own.shape[1:]), values, strict=True):
@@ -100,7 +109,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     if aside:
         shown = ", ".join(aside[:8]) + (", ..." if len(aside) > 8 else "")
         notes = (f"left aside, because they have not {rows} rows of numbers: {shown}",)
-    return Log(columns, text, units, notes)
+    return Log(columns, text, units, notes, epochs)
 
 
 def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
@@ -121,8 +130,8 @@ def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
     )
 
 
-def seconds_of_dates(cells: Sequence[Any]) -> F | None:
-    """Seconds since the first of dates or times of day; None where a cell is none.
+def seconds_of_dates(cells: Sequence[Any]) -> tuple[F, float] | None:
+    """Seconds since the first of dates or times of day, and that since 1970; None of other cells.
 
     Dates as ISO text or with dots, day first; 3/5/2026 has two readings and is none. A time of day
     that goes back by more than half a day is of the next one.
@@ -130,20 +139,50 @@ def seconds_of_dates(cells: Sequence[Any]) -> F | None:
     Examples
     --------
     >>> seconds_of_dates(["2026-03-05 10:00:00", "2026-03-05 10:00:01.5"])
-    array([0. , 1.5])
-    >>> seconds_of_dates(["31.3.2026 23:59:59,9", "1.4.2026 0:00:00,1"])
+    (array([0. , 1.5]), 1772704800.0)
+    >>> seconds_of_dates(["31.3.2026 23:59:59,9", "1.4.2026 0:00:00,1"])[0]
     array([0. , 0.2])
-    >>> seconds_of_dates(["23:59:59.9", "0:00:00.1"])
-    array([0. , 0.2])
+    >>> seconds_of_dates(["23:59:59.9", "0:00:00.1"])  # of no day
+    (array([0. , 0.2]), 0.0)
     """
     try:
         times = [_instant(cell) for cell in cells]
-        seconds = np.array([(time - times[0]).total_seconds() for time in times])
+        dated = times[0].year != _NO_DATE
+        first = min(times) if dated else times[0]
+        seconds = np.array([(time - first).total_seconds() for time in times])
     except (ValueError, TypeError, AttributeError):  # no dates, or only some with a time zone
         return None
-    if times[0].year == _NO_DATE:
-        seconds += _DAY_S * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
-    return seconds
+    if dated:
+        zone = first.tzinfo or timezone.utc
+        return seconds, first.replace(tzinfo=zone).timestamp()
+    seconds += _DAY_S * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
+    return seconds, 0.0
+
+
+def _number(text: str) -> float:
+    found = number_of(text)
+    return math.nan if found is None else found
+
+
+def numbers_in_words(
+    cells: Sequence[Any], number: Callable[[str], float] = _number
+) -> tuple[F, str, float] | None:
+    """Numbers, unit and epoch of dates, or of cells that end in one unit; None of other cells.
+
+    Examples
+    --------
+    >>> numbers_in_words(["0 sec", "0.02 sec", "NaN sec"])  # durations as MATLAB writes them
+    (array([0.  , 0.02,  nan]), 'sec', 0.0)
+    >>> numbers_in_words(["on", "off"])
+    """
+    if (dates := seconds_of_dates(cells)) is not None:
+        return dates[0], "s", dates[1]
+    parts = [str(cell).strip().strip('"').split(None, 1) for cell in cells]
+    units = {part[1] for part in parts if len(part) == 2}
+    values = np.array([number(part[0]) if part else math.nan for part in parts])
+    if len(units) != 1 or not np.isfinite(values).mean() > 0.5 or find_unit(*units) is None:
+        return None
+    return values, units.pop(), 0.0
 
 
 def _instant(cell: Any) -> datetime:
@@ -225,15 +264,47 @@ def _add_cells(
     columns: dict[str, F],
     text: dict[str, NDArray[np.object_]],
     units: dict[str, str],
+    epochs: dict[str, float],
 ) -> None:
     try:
         columns[name] = np.array([np.nan if c is None or c == "" else float(c) for c in cells])
     except (TypeError, ValueError):
-        times = seconds_of_dates(cells.tolist())
-        if times is None:
+        found = numbers_in_words(cells.tolist())
+        if found is None:
             text[name] = np.array([str(cell) for cell in cells], dtype=object)
         else:
-            columns[name], units[name] = times, "s"
+            columns[name], units[name], epochs[name] = found
+
+
+_STAMP = re.compile(r"(.*)[._/](secs?)", re.IGNORECASE)
+_NANO_S = ("nsec", "nanosec", "nsecs", "nanosecs")
+
+
+def with_whole_stamps(log: Log) -> Log:
+    """Return the log with time stamps of ROS, in seconds and nanoseconds, as one time each, s.
+
+    Examples
+    --------
+    >>> half = {"stamp.secs": np.array([7.0, 7.0]), "stamp.nsecs": np.array([0.0, 5e8])}
+    >>> with_whole_stamps(Log(half)).columns
+    {'stamp': array([0. , 0.5])}
+    """
+    columns, units, notes = dict(log.columns), dict(log.units), list(log.notes)
+    epochs = dict(log.epochs)
+    small = {name.lower(): name for name in columns}
+    for name in log.columns:
+        found = _STAMP.fullmatch(name)
+        stem, begin = ("", "") if found is None else (found[1], name[: found.start(2)].lower())
+        nano = next((small[begin + end] for end in _NANO_S if begin + end in small), None)
+        if not stem or nano is None or stem in columns:
+            continue
+        # A time since 1970 has not the digits of nanoseconds: differences come first.
+        whole, rest = (columns.pop(part) for part in (name, nano))
+        first = np.flatnonzero(np.isfinite(whole + rest))[:1]
+        columns[stem], units[stem] = (whole - whole[first]) + 1e-9 * (rest - rest[first]), "s"
+        epochs |= dict.fromkeys([stem], whole[first][0]) if (whole[first] > EPOCH_S).any() else {}
+        notes.append(f"{name} and {nano} are one time, which begins at 0")
+    return replace(log, columns=columns, units=units, notes=tuple(notes), epochs=epochs)
 
 
 _GAP = 5.0
@@ -326,7 +397,8 @@ def join_streams(streams: Sequence[Stream], source: str) -> Log:
         for lost, why in ((~inside, "outside the common time"), (inside & ~near, "in a gap")):
             if lost.any():
                 notes.append(f"{int(lost.sum())} samples {why} left out")
-    return Log(columns, {}, units, tuple(notes))
+    begin = float(time[rows][0])
+    return Log(columns, {}, units, tuple(notes), {"time": begin} if begin > EPOCH_S else {})
 
 
 def _in_order(stream: Stream) -> Stream:

@@ -12,6 +12,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, Unit, is_standard, likely_name
 from ecm.logs.log import Log, unique_names
 from ecm.logs.names import (
+    ABOUT,
     QUANTITIES,
     Answer,
     Guess,
@@ -151,6 +152,7 @@ def _columns_of(
 _UNIT, _MOST_ROWS = 1e-3, 0.9
 """Error of a unit quaternion's length, and the share of rows in which four numbers are one."""
 _WITHOUT_AXIS = ("position", "rotation", "force", "torque")
+_AXES = ("x", "y", "z")
 
 
 def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
@@ -286,6 +288,16 @@ def _read_names(log: Log) -> dict[str, Named]:
                  and (np.diff(log.columns[name]) > 0.0).all())]  # fmt: skip
     if len(timed) == 1 and not named[timed[0]].guesses:
         named[timed[0]] = Named((Guess("time"),), named[timed[0]].unit)
+    # About one axis the angle is the rotation vector, whatever three would be.
+    turned = {
+        name: part
+        for name, own in named.items()
+        if (part := own.part("rotation") or ABOUT.get(own.part("euler"), "")) in _AXES
+    }
+    others = {"rotvec", "quaternion", "clinical"}
+    if len(turned) == 1 and not any(own.part(kind) for own in named.values() for kind in others):
+        ((name, part),) = turned.items()
+        named[name] = Named((Guess("rotvec", part),), named[name].unit)
     return named
 
 

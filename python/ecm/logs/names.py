@@ -154,6 +154,8 @@ _ANGLES = {
     },
 }
 """Words of angles that have names of their own."""
+ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
+"""Their axis where the others are 0."""
 _NAMED_ANGLES = {
     word: Guess(quantity, part)
     for quantity, parts in _ANGLES.items()
@@ -195,7 +197,13 @@ _OF_ANYTHING = frozenset({"%", "pct", "percent"})
 """Units of a strain that alone do not tell one."""
 _BRACKET = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
 """A name, and the unit in brackets at its end."""
-_CHAMBER = re.compile(r"(?:p|pressure|druck)[\s_.-]*([1-9][0-9]*)[\s_]*[\s_\[(]([a-z]+)[\])]?")
+_ACTUATOR = re.compile(
+    r"(?:(?P<pressure>p|pressure|druck)|(?P<tension>tension|seilkraft))"
+    r"[\s_.-]*(?:(?:chamber|kammer|tendon|cable|seil)[\s_.-]*)?"
+    r"(?P<number>[1-9][0-9]*)[\s_]*[\s_\[(](?P<unit>[a-z]+)[\])]?"
+)
+"""The pressure of a chamber, or the tension of a tendon, with its number and unit."""
+_PRESSURE = ("pressure", "pressure", "Pa")
 
 
 def find_unit(word: str) -> Unit | None:
@@ -312,13 +320,16 @@ def read_name(name: str, unit_word: str = "") -> Named:
 
 
 def _sure(name: str, unit_word: str) -> Named | None:
-    """What a name of this project means, and a numbered pressure with its unit."""
+    """What a name of this project means, and a numbered pressure or tension with its unit."""
     if is_standard(name):
         return Named((Guess("standard", name),))
-    chamber = _CHAMBER.fullmatch(f"{name} {unit_word}".strip().lower())
-    if chamber is None or chamber[2] not in _OF_CHAMBERS["pressure"]:
+    found = _ACTUATOR.fullmatch(f"{name} {unit_word}".strip().lower())
+    unit = None if found is None else find_unit(found["unit"])
+    if found is None or unit is None:
         return None
-    return Named((Guess("standard", f"pressure_{chamber[1]}_Pa"),), find_unit(chamber[2]))
+    kind, dimension, si = ("tension", "force", "N") if found["tension"] else _PRESSURE
+    standard = Guess("standard", f"{kind}_{found['number']}_{si}")
+    return Named((standard,), unit) if unit.dimension == dimension else None
 
 
 def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
@@ -423,6 +434,7 @@ _COLUMN_OF = {
     "torque": ("tau_z_Nm", "N mm"),
 }
 """The column that one of this dimension becomes, and its unit where none is stated."""
+_ALONG = {"length": POSE[:3], "angle": POSE[3:], "force": WRENCH[:3], "torque": WRENCH[3:]}
 _WORDS = {"length": "displacement", "angle": "rotation", "force": "force", "torque": "torque"}
 _PER_ONE = {
     "strain": ("pose", "gauge length", "50 mm"),
@@ -530,11 +542,14 @@ def _by_name(kind: str, named: Mapping[str, Named]) -> tuple[str, str, str, str]
                 said = f"'{name}' is a {material}, taken with a {what} of {size} (put in yours)"
                 return _KINDS[kind][0], name, size, said
     for dimension in _DIMENSIONS[kind]:
-        standard, usual = _COLUMN_OF[dimension]
+        usual_one, usual = _COLUMN_OF[dimension]
         for name, own in named.items():
             stated = own.unit is not None and own.unit.dimension == dimension
             stated = stated or dimension in trailing_units(name)[1]
-            if stated or any(guess.dimension == dimension for guess in own.guesses):
+            parts = [guess.part for guess in own.guesses if guess.dimension == dimension]
+            if stated or parts:
+                axes = dict(zip(_AXES, _ALONG[dimension], strict=True))
+                standard = axes.get("".join(ABOUT.get(part, part) for part in parts[:1]), usual_one)
                 ending = "" if stated else usual
                 return standard, name, ending, f"'{name}' is taken as {standard}"
     return None

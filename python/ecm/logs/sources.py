@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -36,7 +37,7 @@ from ecm.io.sanity import EPOCH_S
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
 from ecm.io.validate import is_unsorted
-from ecm.logs.log import Log
+from ecm.logs.log import EPOCH_S, Log
 from ecm.logs.names import (
     Answer,
     Named,
@@ -447,11 +448,15 @@ def standard_columns(
             f"(names: {', '.join((*POSE, *WRENCH))}, time_s)",
             *mapped.missing,
         )
-    for what, group in (("pose", POSE), ("wrench", WRENCH)):
+    likely = {n: c for answer in mapped.missing for n, c in answer.options["columns"].items()}
+    for what, group, unit in (("pose", POSE, "mm"), ("wrench", WRENCH, "N")):
         if not any(name in found for name in group):
-            notes.append(f"no {what} was found by name, without which no model can be fitted: say "
-                         "--map NAME=COLUMN:UNIT, for example "
-                         f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
+            example = [f"{name}={likely[name]}" for name in group if name in likely]
+            example = [*example, f"{group[0]}=COLUMN:{unit}"]
+            notes.append(
+                f"no {what} was found by name, without which no model can be fitted: say "
+                f"--map NAME=COLUMN:UNIT, for example --map {shlex.quote(example[0])}"
+            )
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable
@@ -498,14 +503,15 @@ def sort_by_time(table: dict[str, NDArray[Any]], usable: B) -> tuple[B, list[str
     return usable[order], ["the rows were put in the order of time, and are counted in it"]
 
 
-def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
-    """Begin time at 0; a time that begins again starts a new run."""
+def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> tuple[list[str], float]:
+    """Begin time at 0; a time that begins again starts a new run. Notes, and 0 since 1970, s."""
     if "time_s" not in table:
-        return []
-    time, notes = table["time_s"], []
+        return [], 0.0
+    time, notes, epoch_s = table["time_s"], [], 0.0
     known = time[np.isfinite(time)]
     if len(known) and known.min() > EPOCH_S:
         power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
+        epoch_s = float(known.min()) / 10.0 ** (3 * power)
         time = (time - known.min()) / 10.0 ** (3 * power)
         notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
@@ -517,7 +523,7 @@ def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> list[str]:
         rows = shown_ranges((back + 1).tolist())
         notes.append(f"time begins again at row {rows}: {len(back) + 1} runs")
     table["time_s"] = time
-    return notes
+    return notes, epoch_s
 
 
 def drop_columns_with_gaps(

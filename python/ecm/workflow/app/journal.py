@@ -134,10 +134,11 @@ class History:
             self.accepted.add((record["number"], record["warning"]))
 
     def own_name(self, table: str) -> str:
-        """Return the name under which a table was dropped, else that of its file."""
+        """Return the name under which a table, or the log that it is of, was dropped."""
         for step in self.steps.values():
             if table in step.outputs:
-                return str(step.request.get("name") or table)
+                source = step.argv[1] if step.verb == "import" else step.request.get("describes")
+                return self.own_name(source) if source else str(step.request.get("name") or table)
         return table
 
     def can_undo(self) -> bool:

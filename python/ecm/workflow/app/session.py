@@ -319,7 +319,7 @@ class Session:
             raise InputError(f"{name}: drop the table first, then its description")
         described = sealed_description(source, self.folder / last[0], name)
         content = source.read_bytes() if described is None else described.encode()
-        return self._redescribe(last[0], content, {"name": name})
+        return self._redescribe(last[0], content, {"name": name, "describes": last[0]})
 
     def leave_out(self, rows: Any) -> None:
         """Leave rows out of the tables, by their descriptions: the tables stay as they are.

@@ -380,11 +380,13 @@ def _tried(session: Session, history: History, tried: Sequence[Step]) -> list[di
 def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
     compared = history.last("compare", data=step.inputs["data"], model=model_of(step))
     document = session.result(compared) or {}
-    request = step.request
+    request, report = step.request, session.result(step)
+    asked = request.get("model")
     return {
         "step": step.number,
         "model": model_of(step),
-        "name": request.get("model") or " ".join(
+        "asked": asked,
+        "name": (report or {}).get("model", asked) if asked == "choose" else asked or " ".join(
             f"{sign} {name}"
             for option, sign in (("add", "+"), ("remove", "−"), ("freeze", "frozen"))
             for name in request.get(option, [])
@@ -392,7 +394,7 @@ def _rung(session: Session, history: History, step: Step) -> dict[str, Any]:
         "train": document.get("whitened_rms"),
         "rmse": document.get("rmse"),
         "floor": {item["name"]: item["floor"] for item in document.get("components", ())},
-        "report": session.result(step),
+        "report": report,
     }  # fmt: skip
 
 
@@ -425,7 +427,7 @@ def _step(history: History, step: Step, files: Files) -> dict[str, Any]:
     return {
         **{key: getattr(step, key) for key in own},
         "command": shlex.join(["ecm", *step.argv]) if step.argv else "",
-        "name": step.request.get("name", ""),
+        "name": history.own_name(step.outputs[0]) if step.verb in ("upload", "import") else "",
         "remedy": _remedy(step, files),
         "counts": step.number in history.active,
     }

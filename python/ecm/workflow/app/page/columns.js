@@ -23,7 +23,7 @@ export function label(name) {
   return unit ? `${words} [${unit}]` : words;
 }
 
-const POLYNOMIAL = {1: "linear", 3: "cubic"};
+const POLYNOMIAL = {1: "linear", 2: "quadratic", 3: "cubic"};
 
 // Files of the session by the names under which a person dropped them.
 let dropped = new Map();
@@ -44,7 +44,7 @@ export const inPage = text => text.replace(/\[(mechanism|instrument|scene|column
 // Names of files, columns and effects in a sentence of the server, as words.
 export const readable = text => inPage(ownFiles(text).replace(/ by \[leave_out\]: marked /, ", as you marked them: ")).replaceAll("->", "→").replaceAll("+-", "±").replace("kept as covariates", "kept as possible causes").replace(
   /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
-  .replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
+  .replace(/\bpoly:\d\b/g, effectName)
   .replace(/\d+(?:\.\d+)?e[+-]\d+/g, text => number(Number(text)))
   .replace(/\b[a-z][a-z0-9-]*(?:[_+][a-z0-9_+-]+)+\b/g,
     name => /^(tau|theta)_[xyz]$/.test(name) ? column(name).words : effectName(name))
@@ -53,7 +53,9 @@ export const readable = text => inPage(ownFiles(text).replace(/ by \[leave_out\]
 // Whether a checked table has columns of the pose and of the wrench.
 export const measured = check => ["pose", "wrench"].every(role => check.columns.some(item => item.role === role));
 
-export const effectName = id => id.replace(/^fts_/, "sensor ").replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
+// Of models as well: a base, and "+ fts_drift" of a rung.
+export const effectName = id => id.replace(/\bfts_/, "sensor ").replace(/\bpoly:(\d)\b/g, (_, degree) => POLYNOMIAL[degree] ?? `polynomial of degree ${degree}`)
+  .replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
 
 // Letters of formulas in words; modulus_at_strain_0p1 is "modulus at strain 0.1".
 const LETTERS = {g: "share that relaxes", c: "lag of the pose", eta: "share of the stiffness that is lost",

@@ -1,7 +1,7 @@
 // Stage 1: a table is dropped, read, drawn beside the mechanism, and checked.
 
 import {busy, idle, post, upload, view} from "./api.js";
-import {column, label, measured, readable} from "./columns.js";
+import {column, label, measured, ownFiles, readable} from "./columns.js";
 import {describe} from "./describe.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
@@ -137,7 +137,7 @@ function otherwise(state, app) {
 }
 
 function imported(found) {
-  return el("details", {open: true}, el("summary", {}, `How the columns of ${found.source} were read`),
+  return el("details", {open: true}, el("summary", {}, `How the columns of ${ownFiles(found.source)} were read`),
     table("The table of the session, in metres, radians, N and N m", ["column", "read from"],
       Object.entries(found.columns).map(([name, from]) => [name, from])),
     el("ul", {}, (found.notes ?? []).map(text => el("li", {}, readable(text)))));

@@ -32,7 +32,7 @@ export const app = {
   },
   // The marked rows are left out of the tables, and the model of now is fitted to the others.
   leaveOut: rows => app.act(() => {
-    const base = state.rungs[0]?.name, add = (state.fit?.effects ?? []).map(effect => effect.id);
+    const base = state.rungs[0]?.asked, add = (state.fit?.effects ?? []).map(effect => effect.id);
     const then = base ? {verb: "fit", model: base, ...add.length ? {then: {verb: "refit", add}} : {}} : null;
     return post("/api/leave_out", {rows, then});
   }),

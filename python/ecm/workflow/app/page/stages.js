@@ -22,7 +22,7 @@ export const stages = [
     brief: state => !state.data.length ? "nothing yet" : state.check ? `${state.check.rows} rows` : "not checked yet"},
   {id: "model", title: "Model", draw: model.draw, open: checked, needs: "needs checked data",
     purpose: "Choose what predicts the wrench at a pose, and fit it.",
-    brief: state => state.rungs[0]?.name ?? "none yet"},
+    brief: state => effectName(state.rungs[0]?.name ?? "none yet")},
   {id: "fails", title: "Where it fails", draw: fails.draw, open: fitted, compares: true,
     needs: "needs a model",
     purpose: "See in which poses, and along which variable, the model and the measurement differ.",
