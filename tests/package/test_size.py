@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_051, 200),
+    "python/ecm": (42_431, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (32_617, 231),
-    "crates": (34_350, 198),
+    "tests": (32_645, 231),
+    "crates": (34_188, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise, after
-what three strangers saw: a remedy is tried before it is said, `refit` in Python refuses what the
-command refuses, an instrument that stands still is told, a prediction depends on no later row,
-and times, clocks and damaged files are told (294 in the package, 389 in the tests)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: answers
+of a driver that come late are told apart, a stop outlives a cut connection, columns and units of
+other programs' logs are read, few columns have a noise that grows with the load, and the estimator
+stands in a file of its own (380 in the package, 28 in the tests; 162 fewer in the crates)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
