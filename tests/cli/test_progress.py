@@ -63,8 +63,10 @@ def held_out(told: Any) -> None:
 
 WORKS: dict[str, tuple[int, Callable[[Any], object]]] = {
     # The least number of words, and the work.
-    "energy": (7, lambda told: fit_model(six(300), "energy4", progress=told)),
-    "energy of many rows": (9, lambda told: fit_model(six(10_000), "energy4", progress=told)),
+    "energy": (7, lambda told: fit_model(six(300), "energy4", force=True, progress=told)),
+    "energy of many rows": (
+        9, lambda told: fit_model(six(10_000), "energy4", force=True, progress=told)
+    ),
     "cubic of many rows": (2, lambda told: fit_model(hinge(100_000), "cubic", progress=told)),
     "held-out rows": (10, held_out),
     "held-out of many rows": (
@@ -74,7 +76,7 @@ WORKS: dict[str, tuple[int, Callable[[Any], object]]] = {
         six(100), "linear", [10, 20, 40], draws=2, progress=told)),
     "check": (20, lambda told: check(hinge(300), progress=told)),
     "material": (15, lambda told: fit_material([rubber()], progress=told)),
-    "rod": (3, lambda told: fit_model(six(20), "rod", progress=told)),
+    "rod": (3, lambda told: fit_model(six(20), "rod", force=True, progress=told)),
 }  # fmt: skip
 
 
@@ -93,7 +95,7 @@ def test_a_work_counts_its_parts(name: str) -> None:
 
 def test_the_passes_of_an_energy_are_judged_by_their_changes() -> None:
     told: Told = []
-    fit_model(six(300), "energy4", progress=lambda *words: told.append(words))
+    fit_model(six(300), "energy4", force=True, progress=lambda *words: told.append(words))
     passes = [words for *_, words in told if "pass" in words]
     assert passes[0] == "all rows, pass 1 of about 6"
     last = re.fullmatch(r"all rows, pass (\d+) of about (\d+)", passes[-1])

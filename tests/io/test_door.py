@@ -116,4 +116,4 @@ def test_a_table_passes_the_door_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ecm.io.table.as_table", reading)
     table = {"x_m": [0.0, 1e-3, 2e-3, 3e-3], "fx_N": [0.0, 9.0, 21.0, 30.0]}
     ecm.compare(ecm.fit_model(table, "linear"), table)
-    assert len(read) == 2
+    assert sum(not isinstance(one, ecm.Table) for one in read) == 2

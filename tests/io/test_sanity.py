@@ -239,7 +239,7 @@ def test_fit_in_python_refuses_what_the_command_refuses(neck: Table) -> None:
     assert refused.value.remedy.force
     assert "force=True in Python" in refused.value.message
     assert ecm.fit(wrong, "linear", force=True).name == "poly:1"
-    assert "misread" not in ecm.fit(neck, "linear").training
+    assert "misread" not in ecm.fit(neck, "linear", force=True).training
 
 
 def test_what_the_table_does_not_prove_is_in_the_fit_report() -> None:

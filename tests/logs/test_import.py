@@ -152,7 +152,7 @@ def test_predictions_come_with_the_angles_of_a_knee(
     truth: dict[str, F], tmp_path: Path, ecm_command: Command
 ) -> None:
     table = ecm.as_table(truth)
-    ecm.fit(table, "linear").save(tmp_path / "model.json")
+    ecm.fit(table, "linear", force=True).save(tmp_path / "model.json")
     table.write(tmp_path / "poses.csv")
     files = [tmp_path / "model.json", tmp_path / "poses.csv", "--out", tmp_path / "knee.csv"]
     refused = ecm_command("predict", *files, "--rotation", "grood").refused()

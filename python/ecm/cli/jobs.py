@@ -258,7 +258,7 @@ def measure(
     out
         Table to write; NAME.journal.csv keeps each reading.
     minutes : N
-        Begin no pose after N minutes; 0: only write the table of the readings so far.
+        Begin no pose after N minutes; 0: write the table only.
     model : MODEL
         Say how far each row is from this model.
     until : GOAL

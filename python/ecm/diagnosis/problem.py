@@ -60,8 +60,8 @@ from ecm.regression.rows import UnknownLength, actuators_of, is_whole
 ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
 _MOST_ABSORBED = 0.995
-"""The same for a physics base: its one or two coefficients absorb nothing by chance. And for effects
-of time and order: a base of the pose absorbs as much of what their form errs."""
+"""The same for a physics base: its one or two coefficients absorb nothing by chance. And for
+effects of time and order: a base of the pose absorbs as much of what their form errs."""
 SHAPE_REFINEMENTS = 4
 """Rounds in which the shape of an effect is refined between grid points."""
 

@@ -21,6 +21,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import find_unit
 from ecm.io.csv import named_columns, number_of
+from ecm.io.sanity import EPOCH_S
 
 MOST_COMPONENTS = 36
 """An array with more components per row is no pose, wrench or rotation and is left aside."""
@@ -33,8 +34,6 @@ _CLOCK_ALONE = re.compile(rf"^{_CLOCK}$")
 _NO_DATE = 1
 """Year, month and day of a time of day without a date."""
 _DAY_S = 86400.0
-EPOCH_S = 1e8
-"""Larger times count from an epoch; the table's begin at 0."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from ecm.io.sanity import EPOCH_S
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
 from ecm.io.validate import is_unsorted
-from ecm.logs.log import EPOCH_S, Log
+from ecm.logs.log import Log
 from ecm.logs.names import (
     Answer,
     Named,

@@ -393,9 +393,9 @@ def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: 
         # In a sine of f Hz half a step dt turns the velocity by pi f dt.
         fast = 1e3 / (np.pi * size)
         found.warnings.append(
-            f"viscous_damping steps with the mean velocity since the step before, half a step "
-            f"late. What it misses so is below the noise up to {fast:.2g} Hz of motion at steps "
-            f"of 1 ms, up to {fast / 20.0:.2g} Hz at 20 ms."
+            "viscous_damping steps with the mean velocity since the step before, half a step "
+            f"behind. Its error from that is below the noise up to {fast:.2g} Hz of motion at "
+            f"steps of 1 ms, up to {fast / 20.0:.2g} Hz at 20 ms."
         )
     return ""
 

@@ -253,9 +253,9 @@ def whiteners(covariance: F) -> F:
     except np.linalg.LinAlgError:
         if (np.einsum("nii->ni", covariance) > 0.0).all():
             raise InputError(
-                "the stiffness of the model makes loads of the pose noise that drown all others: "
-                "these rows leave some of its coefficients open; fit a model with fewer, or add "
-                "poses off the path of these rows"
+                "the stiffness of the model is so large that the noise of the poses alone gives "
+                "more load than all else: these rows leave some of its coefficients open; fit a "
+                "model with fewer, or add poses off the path of these rows"
             ) from None
         raise InputError(
             "a component of the wrench has no noise at all; in [instrument] give force_sd_N and "
