@@ -74,7 +74,7 @@ def across_pressures(folder: Path) -> None:
     noise = float(np.median(np.abs(np.diff(force, 3))) / 0.6745 / np.sqrt(20.0))
     spread = float(force.std())
     without = fitted.drop("pressure_1_Pa")
-    models = {"linear, without the pressure": (fit_model(without, "linear"), without)}
+    models = {"linear, without the pressure": (fit_model(without, "linear", force=True), without)}
     models |= {name: (fit_model(fitted, name), fitted) for name in ("linear", "quadratic", "cubic")}
     rubbing = refit(models["linear"][0], fitted, add=["seal_friction"])
     models["linear + seal_friction"] = rubbing, fitted

@@ -210,7 +210,7 @@ the rig is another; take this row out, and measure it with a plan of its own
 def _chosen(rows: Table) -> Model | None:
     """The model of rows that no energy of the pose alone describes; None with too few of them."""
     with suppress(EcmError):
-        return fit_model(rows, choose_model(rows).best)
+        return fit_model(rows, choose_model(rows).best, force=True)
     return None
 
 
