@@ -224,7 +224,7 @@ def test_fits_that_hold_all_rows_refuse_too_many(
 ) -> None:
     monkeypatch.setattr(polynomial, "_MOST_AT_ONCE", 250)
     specification = parse_model("quadratic", pcr=pcr)
-    fit_model(slow_ramp(250), specification, weights=weights)
+    fit_model(slow_ramp(250), specification, weights=weights, force=True)
     with pytest.raises(InputError, match=r"251 rows, at most 250; .*, which reads them block by"):
         fit_model(slow_ramp(251), specification, weights=weights)
-    fit_model(slow_ramp(251), "quadratic", weights="auto")
+    fit_model(slow_ramp(251), "quadratic", weights="auto", force=True)

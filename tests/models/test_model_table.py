@@ -72,7 +72,7 @@ def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> 
     if name in ("gp", "mlp"):
         pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
     table = rod_table(60, 3)
-    model = fit_model(table, name)
+    model = fit_model(table, name, force=True)
     poses = table.poses[:10].copy()
     model.save(tmp_path / "m.json")
     again = load_model(tmp_path / "m.json")

@@ -22,6 +22,7 @@ from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I, lstsq, svd
+from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models.joint_fit import (
     JointFit,
@@ -61,7 +62,8 @@ ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
 _MOST_ABSORBED = 0.995
 """The same for a physics base: its one or two coefficients absorb nothing by chance. And for
-effects of time and order: a base of the pose absorbs as much of what their form errs."""
+effects of time and order beside all six poses: of few rows a base of many coefficients takes in
+most of them, and as much of what their form errs."""
 SHAPE_REFINEMENTS = 4
 """Rounds in which the shape of an effect is refined between grid points."""
 
@@ -299,7 +301,7 @@ def _not_absorbed(
     for item, share in zip(every, shares, strict=True):
         own = getattr(item.effect, "most_absorbed", None)
         usual = ABSORBED_SHARE if item.imitates else most
-        if item.effect.kind == "time" and not item.imitates:
+        if item.effect.kind == "time" and base.inputs == POSE and not item.imitates:
             usual = _MOST_ABSORBED
         if share <= (own or usual):
             kept.append(item)

@@ -25,10 +25,31 @@ extern "C" fn neck_step(
     dt: REAL,
     inputs: Option<&neck::Inputs<REAL>>,
     h: &mut [REAL; 6],
-    k: &mut [[REAL; 6]; 6],
+    k: Option<&mut [[REAL; 6]; 6]>,
 ) -> i32 {
-    let found = neck::step(state, p, dt, inputs.unwrap_or(&neck::DEFAULT_INPUTS));
-    (*h, *k) = found.unwrap_or(([REAL::NAN; 6], [[REAL::NAN; 6]; 6]));
+    written(neck::step(state, p, dt, inputs.unwrap_or(&neck::DEFAULT_INPUTS)), h, k)
+}
+
+#[unsafe(no_mangle)]
+extern "C" fn neck_settled(
+    p: &Pose,
+    inputs: Option<&neck::Inputs<REAL>>,
+    h: &mut [REAL; 6],
+    k: Option<&mut [[REAL; 6]; 6]>,
+) -> i32 {
+    written(neck::settled(p, inputs.unwrap_or(&neck::DEFAULT_INPUTS)), h, k)
+}
+
+fn written(
+    found: Option<([REAL; 6], [[REAL; 6]; 6])>,
+    h: &mut [REAL; 6],
+    k: Option<&mut [[REAL; 6]; 6]>,
+) -> i32 {
+    let (wrench, tangent) = found.unwrap_or(([REAL::NAN; 6], [[REAL::NAN; 6]; 6]));
+    *h = wrench;
+    if let Some(k) = k {
+        *k = tangent;
+    }
     i32::from(found.is_some())
 }
 
