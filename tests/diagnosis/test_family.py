@@ -15,6 +15,7 @@ from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
 from ecm.io.table import Table
+from ecm.regression.rows import Rows
 from support.campaigns import META, NOISE, campaign, model, workspace_poses
 from support.neck import columns_of
 from support.stand_in import wrench
@@ -236,3 +237,18 @@ def test_a_driver_is_not_taken_for_another_in_nearly_its_order(
     table = warmed(SLOW, 0.0, component, factor)
     family = diagnose(ecm.fit_model(table, "energy4"), table).family
     assert family is None or "temperature_degC" in family.columns
+
+
+def test_a_draft_on_the_way_of_an_input_runs_with_a_model_of_the_pose_alone() -> None:
+    """The base takes the pressure as a second input; the rows of the user's model do not."""
+    random = np.random.default_rng(5)
+    pressure = 1e4 * random.integers(0, 8, 160)
+    table = spring(pressure_1_Pa=pressure, more=2e-4 * pressure)
+    base = ecm.fit(table, "linear").base
+    assert "pressure_1_Pa" in base.inputs
+    driven = posterior(assemble(base, table, [])).drivers
+    texts = [text for one in driven for text, _ in one.history.values()]
+    assert any("pressure_1_Pa" in text for text in texts)
+    rows = Rows(table, ecm.fit(table.drop("pressure_1_Pa"), "linear").base)
+    for text in texts:
+        assert eval(text, {"np": np, "rows": rows}).shape == (160,)

@@ -305,14 +305,17 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
     shifted = stiffness / max(rms(stiffness), 1e-300) * side[:, None, :]
     way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
-    names = list(enumerate(problem.base.inputs))
+    # Of the table: a base may take inputs that the model of a draft does not have.
+    names = [(j, name, f"rows.table.column('{name}')") for j, name in enumerate(rows.base.inputs)]
     like = ("hysteresis", "backlash", "fts_hysteresis")
-    text = "np.sign(np.diff(rows.poses[:, {0}], prepend=rows.poses[0, {0}]))"
-    signs = {f"the way along {name}": (text.format(j), np.sign(step[:, j])) for j, name in names}
+    text = "np.sign(np.diff({0}, prepend={0}[0]))"
+    signs = {
+        f"the way along {name}": (text.format(at), np.sign(step[:, j])) for j, name, at in names
+    }
     yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
     visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
-    text = "np.r_[rows.poses[:1, {0}], rows.poses[:-1, {0}]]"
-    visits = {f"{name} before": (text.format(j), visit[:, j]) for j, name in names}
+    text = "np.r_[{0}[:1], {0}[:-1]]"
+    visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
     yield Driver("the pose before", (), "both_sides", (_free(problem, visit),), "", visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
