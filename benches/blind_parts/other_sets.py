@@ -21,6 +21,7 @@ from blind_parts.other_bodies import BODIES, Body, stated_model
 from blind_parts.other_hidden import FOREIGN, KNOWN, STATEMENTS, WORDS, Law, Made
 from blind_parts.strength import Strength
 from ecm.effects import get_effect
+from ecm.errors import ComputationError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
@@ -213,7 +214,11 @@ def given_model(table: Table, mechanism: dict[str, Any]) -> Model:
     model = _physics(tuple(mechanism.items()))
     if model is not None:
         return model
-    return fit_model(table, "cubic" if len(table.pose_columns) < 6 else "linear", force=True)
+    kind = "cubic" if len(table.pose_columns) < 6 else "linear"
+    try:
+        return fit_model(table, kind)
+    except ComputationError:  # worse than the mean of the readings: a user asks what is missing
+        return fit_model(table, kind, force=True)
 
 
 # --- answer and score ---------------------------------------------------------------------------

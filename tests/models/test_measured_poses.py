@@ -222,3 +222,13 @@ def test_all_that_says_outside_means_the_poses_that_were_measured(name: str) -> 
     predicted = ecm.predict(model, beyond, leverage=True)
     assert predicted["extrapolates"].all()
     assert f"{len(table)} of {len(table)} poses are outside" in "".join(predicted.warnings)
+
+
+def test_rows_of_a_fit_are_inside_where_an_axis_stands_at_no_round_number() -> None:
+    """The file keeps eight digits of a turn of half pi, which never varies."""
+    random = np.random.default_rng(0)
+    x = 0.4 + random.uniform(-0.01, 0.01, 1500)
+    columns = {"x_m": x, "theta_y_rad": np.full(1500, 0.5 * np.pi)}
+    force = 300.0 * (x - 0.4) + 0.01 * random.standard_normal(1500)
+    table = ecm.as_table({**columns, "fx_N": force})
+    assert ecm.compare(ecm.fit(table, "linear"), table).outside_domain == 0

@@ -42,6 +42,9 @@ _NEIGHBOURS = 6
 _SEED = 11
 _MARGIN = 1.01
 """Size over that of the data: fits average repeated poses, so that measured ones lie beyond."""
+_ROUNDED = 1e-6
+"""Share of a coordinate that files and single precision may round away: one that never varies has
+no other extent."""
 _THINNEST = 0.03
 """Least extent of a coordinate, over the largest one of its unit, that counts as measured."""
 
@@ -276,7 +279,8 @@ def largest_coordinates(model: EvaluatedModel) -> F:
 def _extents(q: F, inputs: Sequence[str]) -> F:
     """(n,) largest standard deviation among the coordinates of the same unit."""
     largest = (same_unit(inputs) * q.std(axis=0)).max(axis=1)
-    return np.where(largest > 0.0, largest, 1e-9)
+    rounded = _ROUNDED / _THINNEST * np.abs(q).max(axis=0)
+    return np.asarray(np.maximum(largest, np.maximum(rounded, 1e-9)))
 
 
 def _nearest(z: F) -> Any:
