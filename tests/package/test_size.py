@@ -18,7 +18,8 @@ LIMITS = {
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: answers
 of a driver that come late are told apart, a stop outlives a cut connection, columns and units of
 other programs' logs are read, few columns have a noise that grows with the load, and the estimator
-stands in a file of its own (385 in the package, 51 in the tests, 5 in the benches; 162 fewer in the crates)."""
+stands in a file of its own (385 in the package, 51 in the tests, 5 in the benches; 162 fewer in
+the crates)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
