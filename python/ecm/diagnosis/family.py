@@ -26,6 +26,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import ONE_CAUSE_SHARE, bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
+from ecm.effects.sensor import warmth_of
 from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
@@ -242,14 +243,13 @@ def _mean_of_logs(logs: Sequence[float] | F) -> float:
 
 
 _SLOW = ("ageing", "fts_drift"), "repeat_first_poses", 6
-_WARMTH_OF_SENSOR = "sensor_temperature_degC"
 _COLUMNS = {
     "time_s": ("time", *_SLOW),
     "temperature_degC": (
         "the temperature of the body",
         ("temperature_modulus", "thermal_expansion"), "warm_and_cold", 4,
     ),
-    _WARMTH_OF_SENSOR: (
+    "sensor_temperature_degC": (
         "the temperature of the sensor", ("fts_thermal_drift",), "zero_warm_and_cold", 4
     ),
 }  # fmt: skip
@@ -265,10 +265,9 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
     # Without a time the order of the rows stands for it.
     order = {} if table.has("time_s") else {"row": ("the order of the rows", *_SLOW)}
     known = dict(_COLUMNS)
-    if not table.has(_WARMTH_OF_SENSOR):  # that of the body stands for it
-        words, like, action, cosines = known["temperature_degC"]
-        both = like + known[_WARMTH_OF_SENSOR][1]
-        known["temperature_degC"] = words, both, action, cosines
+    if (followed := warmth_of(table)) == "temperature_degC":  # it stands for that of the sensor
+        words, like, action, cosines = known[followed]
+        known[followed] = words, like + known["sensor_temperature_degC"][1], action, cosines
     for column, (words, like, experiment, count) in (known | order | of_user).items():
         values = _values(table, column)
         # Along one loading curve a variable cannot be told from the pose.

@@ -820,7 +820,6 @@ def noise_by_rest(problem: Problem) -> Noise:
     if noise.source != "assumed" or not (noise.components or is_whole(base)):
         return noise
     smooth = omnibus_columns(problem, problem.size // (6 * problem.response.shape[1]))
-    take = some_rows(len(problem.table))
     if noise.components:
         parts = (problem.base_block, _significant(problem), smooth)
         basis = orthonormal(problem.flat(np.concatenate(parts, axis=2)))
@@ -829,6 +828,7 @@ def noise_by_rest(problem: Problem) -> Noise:
         squares = (y - basis @ (basis.T @ y)) ** 2 / left
         squares = squares.reshape(problem.response.shape) * np.square(noise.components)
         return grown_by_rest(noise, problem.rows, squares)
+    take = some_rows(len(problem.table))
     # Not the base's own errors: each is about the noise, and of a large base so many that no
     # reading would be left to tell the ratios.
     parts = (problem.coefficient_block, _significant(problem), smooth)

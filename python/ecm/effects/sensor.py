@@ -211,7 +211,7 @@ class FtsDrift(CourseEffect):
 _SENSOR_DEGC = "sensor_temperature_degC"
 
 
-def _warmth_of(table: Table) -> str:
+def warmth_of(table: Table) -> str:
     """Column of the sensor's temperature; that of the body where only that is there."""
     instead = not table.has(_SENSOR_DEGC) and table.has("temperature_degC")
     return "temperature_degC" if instead else _SENSOR_DEGC
@@ -258,12 +258,12 @@ class FtsThermalDrift(CourseEffect):
     def missing(self, table: Table) -> Missing | None:
         """Needs its temperature to vary; a form without a zero may still follow either."""
         zero = self.reference_degC is not None or self.zeroed == "each"
-        follows = self.follows if zero else _warmth_of(table)
+        follows = self.follows if zero else warmth_of(table)
         return super().missing(table) or needs_varying(follows, 0.25)(table)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Zeroed at the temperature of the first row, or at the mean; of single columns there."""
-        own = replace(self, follows=_warmth_of(table))
+        own = replace(self, follows=warmth_of(table))
         temperature = table.column(own.follows)
         mean = replace(own, reference_degC=round(float(temperature.mean()), 3))
         if self.outputs is not None:

@@ -98,15 +98,15 @@ class Noise:
 
     def covariance(self, rows: Rows, base_error: F | None = None) -> F:
         """(N, m, m) covariance of the residual of each row."""
-        m = len(rows.base.outputs)
-        if self.components is not None:
-            covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
-            return np.array(covariance + self.grown(rows))
-        outputs = rows.base.outputs
-        of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
-        acting = rows.acting_stiffness * self.pose_sd(rows.base.inputs)
-        covariance = acting @ np.swapaxes(acting, 1, 2)
-        covariance += np.diag(np.square(of_wrench))
+        if self.components is not None:  # they hold what the base errs as well
+            covariance = np.tile(np.diag(np.square(self.components)), (len(rows), 1, 1))
+            base_error = None
+        else:
+            outputs = rows.base.outputs
+            of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
+            acting = rows.acting_stiffness * self.pose_sd(rows.base.inputs)
+            covariance = acting @ np.swapaxes(acting, 1, 2)
+            covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
             covariance += self.grown(rows)
         if base_error is not None:
@@ -455,9 +455,10 @@ def grown_by_rest(noise: Noise, rows: Rows, squares: F) -> Noise:
             return float(cost), np.sqrt(shape.mean(axis=0))
 
         tried = np.geomspace(0.1, 100.0, 40) / np.sqrt(largest)
-        best = min(tried.tolist(), key=lambda growth: fit(growth)[0])
-        if fit(0.0)[0] - fit(best)[0] > _GROWS:
-            components[own] /= fit(best)[1]
+        found = {growth: fit(growth) for growth in (0.0, *tried.tolist())}
+        best = min(found, key=lambda growth: found[growth][0])
+        if found[0.0][0] - found[best][0] > _GROWS:
+            components[own] /= found[best][1]
             said = replace(said, **{name: best})
     return said if said is noise else replace(said, components=tuple(components.tolist()))
 
