@@ -8,41 +8,17 @@ import pytest
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
-from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from rows import slow_ramp
 from support.neck import columns_of
-from support.stand_in import left_jacobian_inverse, rotate, transpose
-
-L = 0.1
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.2, torque_sd_Nm=0.004
-    ),
-)
-SCALE = np.array([5e-3, 1e-2, 1e-2, 0.3, 0.3, 0.3])
-
-
-def tapered(poses: F) -> F:
-    """Wrench of a quartic energy whose k_y_theta is not k_y L / 2, as alike ends ask."""
-    linear = np.diag([4e4, 6e3, 6e3, 2.0, 3.0, 3.0])
-    linear[1, 5] = linear[5, 1] = -60.0
-    linear[2, 4] = linear[4, 2] = 60.0
-    p = poses - [L, 0.0, 0.0, 0.0, 0.0, 0.0]
-    q, gradient = p / SCALE, p @ linear
-    gradient[:, 1:3] += 0.08 * (q[:, 1:3] ** 2).sum(axis=1)[:, None] * q[:, 1:3] / SCALE[1:3]
-    gradient[:, 4:] += 0.12 * (q[:, 4:] ** 2).sum(axis=1)[:, None] * q[:, 4:] / SCALE[4:]
-    torque = rotate(transpose(left_jacobian_inverse(p[:, 3:])), gradient[:, 3:])
-    return np.concatenate([gradient[:, :3], torque], axis=1)
+from support.tapered_body import META, NOISE, random_poses, tapered
 
 
 def measured(extra: F | float = 0.0) -> Table:
     random = np.random.default_rng(5)
-    poses = random.uniform(-1.0, 1.0, (120, 6)) * [3e-3, 8e-3, 8e-3, 0.25, 0.25, 0.25]
-    poses[:, 0] += L
-    noise = random.standard_normal((120, 6)) * [0.2, 0.2, 0.2, 0.004, 0.004, 0.004]
+    poses = random_poses(random, 120)
+    noise = random.standard_normal((120, 6)) * NOISE
     columns = columns_of(poses, tapered(poses) + extra + noise)
     return as_table(columns | {"time_s": 30.0 * np.arange(120)}, meta=META)
 

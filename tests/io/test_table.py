@@ -624,3 +624,12 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
         read_table(tmp_path / "pipe.csv")
     with pytest.raises(InputError, match="a pipe or a device; a log is read more than once"):
         import_log(tmp_path / "pipe.csv")
+
+
+def test_angles_with_names_of_another_program_are_told() -> None:
+    columns = neck_columns()
+    renamed = {name.replace("theta_", "r"): values for name, values in columns.items()}
+    (said,) = as_table(renamed).warnings
+    assert "rx_rad, ry_rad, rz_rad; where one is a pose or a wrench, ecm import" in said
+    (said,) = as_table(columns | {"dial_rad": columns["fx_N"]}).warnings
+    assert said.endswith("dial_rad")

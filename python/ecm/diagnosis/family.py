@@ -26,6 +26,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import ONE_CAUSE_SHARE, bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
+from ecm.effects.relaxation import hereditary, time_constants
 from ecm.effects.sensor import warmth_of
 from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
@@ -36,6 +37,8 @@ from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
+_EVERY_TAU = 3
+"""Of the time constants of a relaxation every third is tried: a process has any form."""
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS = 600
@@ -315,7 +318,9 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
     text = "np.r_[{0}[:1], {0}[:-1]]"
     visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
-    yield Driver("the pose before", (), "both_sides", (_free(problem, visit),), "", visits)
+    whole = rows.whole
+    forms = (_free(problem, visit), *(_free(problem, one) for one in _fading(rows, spread)))
+    yield Driver("the poses before", ("stress_relaxation",), "hold_one_pose", forms, history=visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
     if has_order(problem.table):
@@ -327,6 +332,16 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
         yield Driver("the largest deflection so far", ("mullins_softening",),
                      "conditioning_cycles", forms, "",
                      {"the largest wrench so far": (text, load)})  # fmt: skip
+
+
+def _fading(rows: Rows, spread: F) -> list[F]:
+    """(N, n) what is left of the moves so far, by some time constants; none without a time."""
+    whole = rows.whole
+    if not has_order(whole.table) or not whole.table.has("time_s"):
+        return []
+    moved = (whole.poses - rows.middle_pose) / spread
+    taus = time_constants(whole.table)[::_EVERY_TAU]
+    return [rows.of_whole(hereditary(whole.table, moved, tau)) for tau in taus]
 
 
 def _work(rows: Rows) -> F:

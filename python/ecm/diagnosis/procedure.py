@@ -22,7 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from itertools import product
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -66,8 +66,8 @@ from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.fit import as_model, choose_base, energy_of_revolution, fit_rows, symmetric_energy
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
+from ecm.models.fit import as_model, choose_base, energy_with, fit_rows, symmetric_energy
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
@@ -88,28 +88,43 @@ _BESIDE_NAMES = 0.9
 """The same beside all that is named: effects imitate unlike ends by no more than a part."""
 
 
-def base_of_revolution(decision: Decision) -> StiffnessMap | None:
-    """Return the energy of a body whose ends differ, where it fits far better by itself.
+def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessMap | None:
+    """Return the energy of a body with less symmetry, where it fits far better by itself.
 
     The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
     named that imitate a part of the difference, and another origin or length may imitate all of it:
-    where these fit no better by far, both are said. None is returned where the base is no symmetric
-    energy.
+    where these fit no better by far, both are said. An energy without symmetry takes in what other
+    causes do to a body of revolution as well: it is tried where the model that was given has none
+    either, or where the symmetric one tells less than half of most components. None is returned
+    where the base is no symmetric energy.
     """
     problem = decision.problem
     whole = whole_map(problem.base)
     if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
         return None
-    try:
-        base = energy_of_revolution(problem.table)
-    except ModelError:
-        # Fewer rows than coefficients.
-        return None
+    tried: list[Symmetry] = ["revolution"]
+    own = isinstance(given, EnergyMap) and given.model.symmetry == "general"
+    if own or _tells_less_than_half(problem):
+        tried.append("general")
     said = decision.statement
+    best: StiffnessMap | None = None
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
     most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
-    error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
-    return base if error < most else None
+    for symmetry in tried:
+        with suppress(ModelError, InputError):  # fewer rows than coefficients
+            base = energy_with(symmetry, problem.table)
+            error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
+            if error < most:
+                best, most = base, min(most, _BY_ITSELF * error)
+    return best
+
+
+def _tells_less_than_half(problem: Problem) -> bool:
+    """Whether the base leaves more than half of the spread of most components."""
+    wrench = problem.rows.wrench
+    spread = np.einsum("nij,nj->ni", problem.whitener, wrench - wrench.mean(axis=0))
+    shares = problem.rms(residual_after(problem, ())) / problem.rms(spread)
+    return bool(np.median(shares) > _BY_ITSELF)
 
 
 def richer_polynomial(decision: Decision) -> StiffnessMap | None:
@@ -196,11 +211,18 @@ _OTHER_BODY_SEVERAL = 0.5
 _TAKEN_BY_ENERGY = 0.9
 """Share of it that a symmetric energy must explain."""
 
-_UNLIKE_ENDS = (
-    "the ends of the body differ, or something acts along its axis: an energy that takes the ends "
-    "as alike leaves more, whatever is named; names are against one of revolution; fit "
-    "energy6-revolution"
-)
+_LESS_SYMMETRY = {
+    "revolution": (
+        "the ends of the body differ, or something acts along its axis: an energy that takes the "
+        "ends as alike leaves more, whatever is named; names are against one of revolution; fit "
+        "energy6-revolution"
+    ),
+    "general": (
+        "the body is none of revolution: an energy of revolution leaves more, whatever is named; "
+        "names are against an energy without symmetry, which a load that has a potential cannot be "
+        "told from; fit energy4-general"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -418,14 +440,15 @@ def _against_the_bases(
     """Go through the stages with the rows that were selected, against the bases that may fit."""
     decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
     if decision.verdict != "none":
-        other = base_of_revolution(decision)
+        other = less_symmetric_energy(decision, whole_map(model.base))
         if other is not None:
             again, said = against(other), decision.statement
             left, before = _error_left(again), _error_left(decision)
             # What another reading of the table leaves was compared before.
             if said is not None or left < _BESIDE_NAMES * before:
                 or_else = (f"or {said.sentence()}",) if said else ()
-                decision = replace(again, warnings=(_UNLIKE_ENDS, *or_else))
+                symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
+                decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
         richer = richer_polynomial(decision)
         if richer is not None:
             decision = min(decision, against(richer), key=_error_left)

@@ -135,7 +135,7 @@ class StressRelaxation(LinearEffect):
         "a hold of 60 s, also with a steel spring in place of the mechanism",
     )
     signature = "proportional to h, decays at rest, zero at home"
-    needs = "dwell times that differ (dwell_s), or a continuous test"
+    needs = "dwell times that differ (dwell_s), or time (time_s)"
     kind = "time"
     rivals = {
         "ageing": "hold_one_pose",
@@ -182,15 +182,16 @@ class StressRelaxation(LinearEffect):
     def missing(self, table: Table) -> Missing | None:
         """Needs dwell times that differ at least by half, or a continuous test.
 
-        With fewer than the twelve columns time is enough.
+        Time is enough with fewer than the twelve columns, or where no dwell time is recorded.
         """
         if self._by_time(table):
             return needs_varying("time_s", 1e-6)(table)
         return _needs_dwells(table)
 
     def _by_time(self, table: Table) -> bool:
-        """Whether the rows follow each other closely enough for the hereditary form."""
-        return table.continuous or bool(self.samples and _needs_dwells(table))
+        """Whether time alone says how long the stress had to decay: from reading to reading."""
+        no_dwells = _needs_dwells(table) if self.samples else not table.has("dwell_s")
+        return table.continuous or bool(no_dwells and table.has("time_s"))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish.

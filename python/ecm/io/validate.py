@@ -329,6 +329,11 @@ def _covariate_warnings(columns: Columns, source: str) -> list[str]:
     hints = [f"{name}: did you mean {likely}?" for name, likely in close.items() if likely]
     shown = ", ".join(own[:12]) + (", ..." if len(own) > 12 else "")
     hint = f" ({'; '.join(hints)})" if hints else ""
+    # Half of a pose or of a wrench, and beside it what has the unit of the other half.
+    halves = [one for one in (POSE, WRENCH) if set(one[:3]) <= columns.keys()]
+    lacking = {one[3].rsplit("_")[-1] for one in halves if not columns.keys() & set(one[3:])}
+    if lacking & {name.rsplit("_")[-1] for name in own}:
+        hint += f"; where one is a pose or a wrench, {IMPORT} gives it that name"
     return [f"{source}: {len(own)} column(s) of your own are kept as covariates: {shown}{hint}"]
 
 

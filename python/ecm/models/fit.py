@@ -32,6 +32,7 @@ from ecm.models.maps import (
     ModelSpecification,
     PolynomialMap,
     StiffnessMap,
+    Symmetry,
     Weights,
     pose_and_wrench_columns,
 )
@@ -240,9 +241,17 @@ def symmetric_energy(table: Table) -> StiffnessMap:
     return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
 
 
-def energy_of_revolution(table: Table) -> StiffnessMap:
-    """The energy of revolution, whose ends may differ, of the degree that the rows can carry."""
-    return _by_degree(table, [EnergyModel(degree, "revolution") for degree in _ENERGY])
+def energy_with(symmetry: Symmetry, table: Table) -> StiffnessMap:
+    """The energy of a symmetry of the degree that the rows can carry.
+
+    Raises
+    ------
+    ModelError
+        Where the rows are fewer than the coefficients of the least degree, or do not hold them.
+    """
+    # Without symmetry degree 6 has nearly a thousand terms, more than any rig's rows hold.
+    degrees = _ENERGY[:2] if symmetry == "general" else _ENERGY
+    return _by_degree(table, [EnergyModel(degree, symmetry) for degree in degrees])
 
 
 def polynomial(table: Table, also: int = 0) -> StiffnessMap:

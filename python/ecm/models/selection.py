@@ -258,6 +258,9 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
         candidates += [ActuatedModel(degree) for degree in (3, 4, 5)]
     elif table.meta.length_m is not None:
         candidates += [EnergyModel(degree) for degree in (4, 5, 6)]
+        # Of bodies whose ends differ, and of those without symmetry.
+        candidates += [EnergyModel(degree, "revolution") for degree in (4, 6)]
+        candidates.append(EnergyModel(4, "general"))
     return candidates
 
 

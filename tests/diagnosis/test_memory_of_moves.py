@@ -1,0 +1,56 @@
+"""Stress that still decays when a pose is read, in a table without dwell times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.arrays import F
+from ecm.io.table import as_table
+from ecm.models import fit_model
+from support.neck import columns_of
+from support.tapered_body import META, NOISE, random_poses, tapered
+
+STEP_S = 5.0
+LAWS: dict[str, Callable[[F], F]] = {
+    "exponential": lambda age_s: 0.15 * np.exp(-age_s / 12.0),
+    "power": lambda age_s: 0.2 * (1.0 + age_s / 2.0) ** -0.6,
+}
+
+
+def found(law: str, seed: int = 1, rows: int = 150) -> Diagnosis:
+    """Each step of the load leaves a share that decays by the law; read half a step later."""
+    random = np.random.default_rng([seed, 7])
+    poses = random_poses(random, rows)
+    elastic = tapered(poses)
+    wrench = elastic.copy()
+    if law:
+        steps = np.diff(elastic, axis=0, prepend=np.zeros((1, 6)))
+        age = STEP_S * (np.subtract.outer(np.arange(rows), np.arange(rows)) + 0.5)
+        wrench += np.where(age > 0.0, LAWS[law](np.maximum(age, 0.0)), 0.0) @ steps
+    wrench += random.normal(size=wrench.shape) * NOISE
+    columns = columns_of(poses, wrench) | {"time_s": STEP_S * np.arange(rows)}
+    table = as_table(columns, meta=META)
+    return diagnose(fit_model(table, "energy4-revolution"), table)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_exponential_one_is_a_relaxation(seed: int) -> None:
+    said = found("exponential", seed)
+    assert said.answer == (("stress_relaxation",),), said.sentence()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_another_law_is_that_or_its_family(seed: int) -> None:
+    said = found("power", seed)
+    if said.family is None:
+        assert said.answer == (("stress_relaxation",),), said.sentence()
+    else:
+        assert "the poses before" in said.family.driver, said.sentence()
+
+
+def test_without_memory_there_is_none() -> None:
+    assert found("").verdict == "none"

@@ -1,0 +1,79 @@
+"""A platform on unlike springs is no body of revolution: names are against a general energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ecm.diagnosis import diagnose
+from ecm.io.arrays import F
+from ecm.io.columns import WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table, as_table
+from ecm.models import fit_model
+from ecm.models.selection import choose_model
+from support.neck import columns_of
+
+L = 0.06
+NOISE = np.array([0.02] * 3 + [0.001] * 3)
+META = Meta(
+    mechanism={"length_m": L},
+    instrument=Instrument(
+        pose_position_sd_m=1e-6, pose_rotation_sd_rad=2e-5, force_sd_N=0.02, torque_sd_Nm=0.001
+    ),
+)
+REST = np.array([L, 0.0, 0.0])
+
+
+def on_springs(poses: F, seed: int) -> F:
+    """(N, 6) wrench on the platform of six springs, whose forces stiffen along their lines."""
+    random = np.random.default_rng(seed)
+    base, tip = (
+        np.c_[random.uniform(*x, 6), random.uniform(-0.03, 0.03, (6, 2))]
+        for x in ((-0.01, 0.0), (-0.005, 0.005))
+    )
+    stiffness, curve = random.uniform(300.0, 3000.0, 6), random.uniform(0.0, 3.0, 6)
+    free = np.linalg.norm(REST + tip - base, axis=1)
+    arms = np.einsum("nij,kj->nki", Rotation.from_rotvec(poses[:, 3:]).as_matrix(), tip)
+    along = poses[:, None, :3] + arms - base
+    length = np.linalg.norm(along, axis=2)
+    strain = length / free - 1.0
+    pull = stiffness * free * (strain + curve * strain**3) / length
+    forces = pull[:, :, None] * along
+    return np.hstack([forces.sum(axis=1), np.cross(arms, forces).sum(axis=1)])
+
+
+def measured(seed: int, hidden: str = "") -> Table:
+    random = np.random.default_rng(1000 + seed)
+    poses = random.uniform(-1.0, 1.0, (120, 6)) * [4e-3, 6e-3, 6e-3, 0.12, 0.12, 0.12]
+    poses[:, :3] += REST
+    time = 30.0 * np.arange(120)
+    warm = 22.0 + 4.0 * np.sin(time / 700.0) + random.normal(0.0, 0.5, 120)
+    wrench = on_springs(poses, seed)
+    if hidden == "temperature_modulus":
+        wrench = wrench * (1.0 - 0.012 * (warm - 22.0))[:, None]
+    if hidden == "fts_drift":
+        wrench = wrench + time[:, None] / time[-1] * [0.0, 0.0, 0.6, 0.0, 0.02, 0.0]
+    columns = columns_of(poses, wrench + random.normal(size=(120, 6)) * NOISE)
+    return as_table(columns | {"time_s": time, "temperature_degC": warm}, meta=META)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("hidden", ["", "temperature_modulus", "fts_drift"])
+def test_names_are_against_an_energy_without_symmetry(seed: int, hidden: str) -> None:
+    table = measured(seed, hidden)
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert any("the body is none of revolution" in words for words in found.warnings)
+    expected = ("named", ((hidden,),)) if hidden else ("none", ())
+    assert (found.verdict, found.answer) == expected, found.sentence()
+
+
+def test_and_where_three_forces_are_measured() -> None:
+    table = measured(1).drop(*WRENCH[3:])
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert (found.verdict, found.answer) == ("none", ()), found.sentence()
+
+
+def test_the_choice_of_a_model_tries_it() -> None:
+    assert choose_model(measured(1)).best.name == "energy4-general"
