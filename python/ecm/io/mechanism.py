@@ -332,15 +332,15 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
 
         A file may be given as text, and a law as a table.
         """
-        values: dict[str, Any] = {}
-        if isinstance(self.material, Mapping):
-            values["material"] = Material.from_dict(self.material)
-        law = values.get("material", self.material)
+        law: Any = self.material
+        path: Any = self.mesh_file
+        if isinstance(law, Mapping):
+            law = Material.from_dict(law)
+        if isinstance(path, str):
+            path = Path(path)
+        values: dict[str, Any] = {"material": law, "mesh_file": path}
         if isinstance(law, Material):
             values |= {name: getattr(law, name) for name in ("young_modulus_Pa", "poisson_ratio")}
-        if isinstance(self.mesh_file, str):
-            values["mesh_file"] = Path(self.mesh_file)
-        path = values.get("mesh_file", self.mesh_file)
         if isinstance(path, Path) and self.builtin == Mechanism.builtin:
             values |= {"builtin": "", "radius_m": 0.0}
             if self.length_m == Mechanism.length_m:

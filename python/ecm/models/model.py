@@ -177,7 +177,7 @@ class Model(Shown, EvaluatedModel):
                 )  # fmt: skip
         return found
 
-    def extrapolates(self, poses: F) -> B:
+    def extrapolates(self, poses: TableLike | F) -> B:
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
