@@ -170,12 +170,14 @@ class ActuatedModel(ModelSpecification):
         rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
         base = self.empty_map(rows, length_of(table, self.name), actuation)
         terms = base.terms
-        if not base.input_scale.all():
-            name = actuation[int(np.argmin(base.input_scale))]
-            raise InputError(
-                f"{table.source}: {name} is 0 in every row, and so are all of its kind; give rows "
-                "under load, or leave these columns out"
-            )
+        moved, kinds = np.ptp(rows[:, 6:], axis=0) > 0.0, np.array(terms.kinds)
+        for i, name in enumerate(actuation):
+            # Without symmetry no other actuator tells what this one does.
+            if not np.any(moved[i] if self.symmetry == "general" else moved[kinds == kinds[i]]):
+                raise InputError(
+                    f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
+                    "what it does; give rows in which it varies, or leave the column out"
+                )
         amounts, of = _measured_amounts(table, actuation)
         equations = len(table) * (6 + len(of))
         if equations < terms.count() + (len(base.pure_J) if of else 0):
