@@ -349,6 +349,17 @@ def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
     assert given.statement is None
 
 
+@pytest.mark.parametrize("torque", [0.0, 1.0])
+def test_a_torque_that_never_varies_is_said_to_be_of_another_model(torque: float) -> None:
+    """A sensor that is off: neither a spread nor noise is known."""
+    angle = np.linspace(-0.1, 0.1, 40)
+    moving = {"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle + 9.0 * angle**3}
+    off = moving | {"tau_z_Nm": np.full(40, torque)}
+    given = diagnose(fit_model(as_table(moving), "cubic"), as_table(off)).model
+    assert given.answer == "numbers"
+    assert " errs 0 N m" in given.sentence()
+
+
 def planar(seed: int, rows: int = 150) -> Table:
     """Three columns of a plane: springs that stiffen, of which two belong together."""
     random = np.random.default_rng(seed)

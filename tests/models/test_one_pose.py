@@ -56,6 +56,7 @@ def test_a_copy_and_names_in_another_order_are_the_same(name: str) -> None:
     for copied in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
         np.testing.assert_array_equal(copied.stiffness(POSES), stiffness)
         assert str(copied) == str(model)
+    assert model in {model: 1}
 
 
 @pytest.mark.parametrize("name", MODELS)

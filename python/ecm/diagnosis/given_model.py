@@ -155,11 +155,13 @@ class Errors:
         sized = ", ".join(parts)
         if self.of_spread is not None:
             return f"{sized}, {100.0 * self.of_spread:.2g} % of the spread"
+        if self.over_noise is None:  # a component that never varies has no spread
+            return sized
         return f"{self.over_noise:.3g} times the noise ({sized})"
 
     def on_held_out_rows(self) -> str:
         """Return the error of a fit to these rows in words."""
-        if self.of_spread is not None:
+        if self.of_spread is not None or self.over_noise is None:
             return str(self)
         return f"{self.over_noise:.3g} times the noise on held-out rows"
 

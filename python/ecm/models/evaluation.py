@@ -39,7 +39,7 @@ from ecm.regression.rows import Rows, actuators_of, columns_of, inputs_of, is_wh
 ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class EvaluatedModel:
     """What a model holds and what it says at poses; `Model` adds fits, effects and files.
 

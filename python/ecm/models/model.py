@@ -66,7 +66,7 @@ _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 """Parts of `training` that have a sentence in the fit report."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Model(Shown, EvaluatedModel):
     """A base map with effects: h(p) of the base plus the corrections of the effects.
 
