@@ -190,7 +190,8 @@ class EvaluatedModel:
         """
         if not isinstance(self.base, ActuatedMap):
             raise InputError(
-                f"{self.name} has no actuators: fit --model actuated4 to a table with pressure_1_Pa"
+                f"{self.name} has no actuators: of a driven body fit --model actuated4 to a table "
+                "with pressure_1_Pa or tension_1_N; of a passive one --model physics finds E"
             )
         return self.base
 
