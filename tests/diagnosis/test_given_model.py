@@ -92,6 +92,19 @@ def test_aprils_model_on_mays_data() -> None:
     assert found.rmse.before["fx_N"] > 3.0 * found.model.base_errors.rmse["fx_N"]
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.0])
+def test_another_specimen_is_said_beside_a_missing_effect(factor: float) -> None:
+    """Of rubber that is softer where it is warm: the effect does not hide the body."""
+    table = measured(2, factor=factor)
+    warm = 5.0 * np.sin(np.arange(len(table)))
+    softer = {name: table[name] * (1.0 - 0.01 * warm) for name in WRENCH}
+    found = diagnose(model(), table.with_columns({"temperature_degC": 23.0 + warm} | softer))
+    assert found.answer == (("temperature_modulus",),)
+    assert found.model.answer == "effect"
+    said = f"; the wrench is {factor} times that of energy6" if factor != 1.0 else ""
+    assert found.summary().missing.endswith(f"times the noise{said}")
+
+
 def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model() -> None:
     """A channel that stood still for a while: rows that count less in the base."""
     time = 0.02 * np.arange(3000.0)

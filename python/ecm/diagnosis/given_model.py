@@ -39,7 +39,7 @@ from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind, remedy_with_base
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, inputs_of
 
 _ROWS = 150
 """Rows on which the readings are compared."""
@@ -253,12 +253,15 @@ class GivenModel:
             )
         weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
         return {
-            "effect": f" Even refitted {again}: an effect is missing{weak}.",
+            "effect": f" Even refitted {again}: an effect is missing{weak}{self._factor()}.",
             "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
             "the model first.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
         }[self.answer]
+
+    def _factor(self) -> str:
+        return "" if self.scale is None else f", and the wrench is {self.scale:.3g} times its own"
 
     def _cause(self) -> str:
         """Return why the numbers are wrong, by the factor between the wrenches."""
@@ -275,7 +278,7 @@ class GivenModel:
             cause = "Another specimen, scale or frame: fit it again."
             if unit:
                 cause += f" Or a unit is wrong ({unit}): mend it in the data."
-        return f", the wrench is {self.scale:.3g} times its own. {cause}"
+        return f"{self._factor().replace(' and', '')}. {cause}"
 
 
 def judge_given_model(
@@ -314,7 +317,7 @@ class _Judged:
 
     def answered(self) -> GivenModel:
         """Return the whole answer."""
-        result, table = self.result, self.decision.prepared.table
+        result = self.result
         answer, statement = self.with_table(self.answer)
         again, effects = None, None
         if self.missing:
@@ -331,13 +334,24 @@ class _Judged:
             base=self.problem.base.name,
             base_errors=self.base,
             is_base=self.is_base,
-            scale=_scale(result, table) if answer == "numbers" else None,
+            scale=self.factor(answer, again),
             statement=statement,
             neighbours_alike=result.neighbours_alike,
             unused_inputs=result.unused_inputs if answer == "inputs" else (),
             reason=self.reason if answer in ("numbers", "effect") else "",
             remedy=self.remedy(answer),
         )
+
+    def factor(self, answer: Answer, again: Errors | None) -> float | None:
+        """The factor on the wrench that explains the misfit; beside effects, what they leave."""
+        result, table, fit = self.result, self.decision.prepared.table, self.fits[1]
+        if answer == "numbers":
+            measured = table.matrix([c.name for c in result.components])[result.row]
+            return _scale(result, measured, measured - result.physical)
+        if answer != "effect" or fit is None or not _far_behind(self.given, again):
+            return None
+        poses = inputs_of(self.model.base, table.select(result.row))
+        return _scale(result, fit.base.predict(poses), self.model.base.predict(poses))
 
     @property
     def answer(self) -> Answer:
@@ -536,11 +550,10 @@ def _sized(
     return Errors(known, errors, max(shares, default=None))
 
 
-def _scale(result: Comparison, table: Table) -> float | None:
+def _scale(result: Comparison, measured: F, modelled: F) -> float | None:
     """The factor on the wrench that explains the misfit; None where none does."""
-    measured = table.matrix([c.name for c in result.components])[result.row]
     size = np.array([max(c.floor, 1e-300) for c in result.components])
-    y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
+    y, x = (measured / size).ravel(), (modelled / size).ravel()
     factor = float(x @ y) / max(float(x @ x), 1e-300)
     before = float(((y - x) ** 2).sum()) - len(y)
     after = float(((y - factor * x) ** 2).sum()) - len(y)
@@ -563,8 +576,8 @@ def refit_of_kind(base: StiffnessMap, table: Table, noise: Noise) -> JointFit | 
     return fit_or_none(base, (), table, noise)
 
 
-def _far_behind(given: Errors | None, base: Errors) -> bool:
+def _far_behind(given: Errors | None, base: Errors | None) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
-    if given is None or given.over_noise is None or base.over_noise is None:
+    if given is None or base is None or given.over_noise is None or base.over_noise is None:
         return False
     return is_far_behind(given.over_noise, base.over_noise)
