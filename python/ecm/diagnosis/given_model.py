@@ -252,16 +252,15 @@ class GivenModel:
                 "check), leave out what is no measurement (--leave-out), and fit the model again."
             )
         weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
+        if self.scale is not None:
+            weak += f", and the wrench is {self.scale:.3g} times its own"
         return {
-            "effect": f" Even refitted {again}: an effect is missing{weak}{self._factor()}.",
+            "effect": f" Even refitted {again}: an effect is missing{weak}.",
             "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
             "the model first.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
         }[self.answer]
-
-    def _factor(self) -> str:
-        return "" if self.scale is None else f", and the wrench is {self.scale:.3g} times its own"
 
     def _cause(self) -> str:
         """Return why the numbers are wrong, by the factor between the wrenches."""
@@ -278,7 +277,7 @@ class GivenModel:
             cause = "Another specimen, scale or frame: fit it again."
             if unit:
                 cause += f" Or a unit is wrong ({unit}): mend it in the data."
-        return f"{self._factor().replace(' and', '')}. {cause}"
+        return f", the wrench is {self.scale:.3g} times its own. {cause}"
 
 
 def judge_given_model(
