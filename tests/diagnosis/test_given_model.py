@@ -92,6 +92,19 @@ def test_aprils_model_on_mays_data() -> None:
     assert found.rmse.before["fx_N"] > 3.0 * found.model.base_errors.rmse["fx_N"]
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.0])
+def test_another_specimen_is_said_beside_a_missing_effect(factor: float) -> None:
+    """Of rubber that is softer where it is warm: the effect does not hide the body."""
+    table = measured(2, factor=factor)
+    warm = 5.0 * np.sin(np.arange(len(table)))
+    softer = {name: table[name] * (1.0 - 0.01 * warm) for name in WRENCH}
+    found = diagnose(model(), table.with_columns({"temperature_degC": 23.0 + warm} | softer))
+    assert found.answer == (("temperature_modulus",),)
+    assert found.model.answer == "effect"
+    said = f"; the wrench is {factor} times that of energy6" if factor != 1.0 else ""
+    assert found.summary().missing.endswith(f"times the noise{said}")
+
+
 def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model() -> None:
     """A channel that stood still for a while: rows that count less in the base."""
     time = 0.02 * np.arange(3000.0)
@@ -347,6 +360,17 @@ def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
     given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
     assert given.answer != "table"
     assert given.statement is None
+
+
+@pytest.mark.parametrize("torque", [0.0, 1.0])
+def test_a_torque_that_never_varies_is_said_to_be_of_another_model(torque: float) -> None:
+    """A sensor that is off: neither a spread nor noise is known."""
+    angle = np.linspace(-0.1, 0.1, 40)
+    moving = {"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle + 9.0 * angle**3}
+    off = moving | {"tau_z_Nm": np.full(40, torque)}
+    given = diagnose(fit_model(as_table(moving), "cubic"), as_table(off)).model
+    assert given.answer == "numbers"
+    assert " errs 0 N m" in given.sentence()
 
 
 def planar(seed: int, rows: int = 150) -> Table:

@@ -129,6 +129,18 @@ def test_effects_of_one_kind_leave_the_other_alone(pulled: Table, pulled_model: 
     assert not gain.any()
 
 
+def test_a_tendon_that_would_push_has_the_wrong_sign(pulled: Table) -> None:
+    name = pulled.actuation_columns[1]
+    pushing = pulled.with_columns({name: -pulled[name]})
+    for symmetry in ("alike", "general"):
+        assert exchanged(pulled, ActuatedModel(symmetry=symmetry)) is None
+        wrong = exchanged(pushing, ActuatedModel(symmetry=symmetry))
+        assert wrong is not None
+        assert wrong.mend == (f'{name} = {{ column = "{name}", scale = -1.0 }}',)
+    with pytest.raises(InputError, match=f"the sign of {name} looks reversed: a tendon only pull"):
+        ecm.fit(pushing, "actuated3")
+
+
 def test_exchanged_chambers_are_refused_with_the_entry_that_mends_them(
     tmp_path: Path, ecm_command: Command
 ) -> None:

@@ -161,7 +161,7 @@ def test_the_command_writes_a_material_for_the_mechanism(tmp_path: Path) -> None
         ("stretch,stress_MPa\n1.1,0.2\n1.2,x\n1.3,0.4\n", [], "line 3"),
         ("stretch,stress_MPa\n1.1,0.2\n", [], "expected at least 3"),
         ("stretch,stress_psi\n1.1,0.2\n1.2,0.3\n1.3,0.4\n", [], "unit = 'psi'"),
-        ("strain,stress_MPa\n0.1,0.2\n0.2,0.3\n0.3,0.4\n", [], "expected stretch"),
+        ("strain,stress_MPa\n0.1,0.2\n0.2,0.3\n0.3,0.4\n", [], "stretch is 1 + strain"),
         ("stretch,stress_MPa\n0.1,0.2\n0.2,0.3\n0.3,0.4\n", [], "wrong sign"),
         ("stretch,stress_MPa\n1.1,nan\n1.2,0.3\n1.3,0.4\n", [], "not finite"),
     ],
@@ -180,5 +180,8 @@ def test_too_few_rows_and_no_test_are_said() -> None:
         fit_material([])
     law = material("neo_hookean")
     few = np.array([1.1, 1.2, 1.3])
+    test = MaterialTest("uniaxial", few, law.nominal_stress("uniaxial", few))
     with pytest.raises(ComputationError, match="cannot give"):
-        fit_material([MaterialTest("uniaxial", few, law.nominal_stress("uniaxial", few))], "yeoh")
+        fit_material([test], "yeoh")
+    with pytest.raises(InputError, match=r"poisson_ratio is 0.6; expected .* at most 0.5"):
+        fit_material([test], poisson_ratio=0.6)

@@ -78,6 +78,8 @@ def test_dates_count_from_the_first_in_a_table_as_in_an_import() -> None:
     table = ecm.as_table(frame)
     assert table["time_s"].tolist() == list(range(24))
     assert not doubts(table, None)
+    own = ecm.as_table(frame.rename_axis("time_s").reset_index())
+    assert own["time_s"].tolist() == table["time_s"].tolist()
     log = ecm.import_log(frame.rename_axis("Date").reset_index())
     assert log.table["time_s"].tolist() == table["time_s"].tolist()
 

@@ -29,6 +29,14 @@ def test_the_default_is_the_neck() -> None:
     assert Mechanism().has_body
 
 
+def test_a_law_states_the_moduli_at_small_strain() -> None:
+    yeoh = {"model": "yeoh", "c1_Pa": 2e5, "c2_Pa": 1e4, "c3_Pa": 0.0}
+    body = Mechanism(material=yeoh)  # type: ignore[arg-type]
+    table = {"builtin": "cylinder", "length_m": 0.1034, "radius_m": 0.033, "material": yeoh}
+    assert body == Mechanism.from_dict(table)
+    assert body.young_modulus_Pa == pytest.approx(4 * 2e5 * 1.49)
+
+
 def test_dictionaries_go_round() -> None:
     for table in (
         NECK,

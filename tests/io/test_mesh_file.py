@@ -50,6 +50,7 @@ def _write(path: Path, how: str, *, leave_out: str = "", straight: bool = False)
         mesh = meshio.Mesh(points, blocks, point_sets=dict(named))
     elif how == "physical groups":
         blocks += [(kinds[1], side) for side in sides.values()]
+        blocks += [(kinds[0], cells[:9])]  # a second group, as Gmsh 2.2 writes it
         tags = [np.full(len(block[1]), i, dtype=np.int32) for i, block in enumerate(blocks)]
         mesh = meshio.Mesh(
             points,
@@ -86,6 +87,7 @@ def test_meshes_of_other_programs_are_the_same_body(tmp_path: Path, name: str, h
     body = Mechanism.from_dict({"mesh": name, **MATERIAL}, path.with_suffix(".toml"))
     assert body.length_m == pytest.approx(LENGTH, abs=1e-12)
     assert body.actuators == PRESSURES
+    assert Mechanism(mesh_file=str(path), **MATERIAL) == body  # type: ignore[arg-type]
     found = body.mesh()
     np.testing.assert_array_equal(found.tetrahedra, BODY.tetrahedra)
     np.testing.assert_array_equal(found.top_nodes, BODY.top_nodes)
@@ -141,6 +143,9 @@ def test_broken_files_say_what_is_missing(tmp_path: Path) -> None:
     (tmp_path / "empty.vtu").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="meshio cannot read"):
         read_mesh(tmp_path / "empty.vtu")
+    (tmp_path / "neck.bdf").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match=r"meshio cannot read.*BEGIN BULK"):
+        read_mesh(tmp_path / "neck.bdf")
     (tmp_path / "neck.xyz").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="unknown kind of mesh file"):
         read_mesh(tmp_path / "neck.xyz")

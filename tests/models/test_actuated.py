@@ -347,8 +347,25 @@ def test_inputs_for_a_pose_stay_within_their_limits(model: Model, fresh: Table) 
     narrow, more = model.actuation_for(row[:6], fresh.wrenches[3], limits=[(0.0, 2e3)] * 3)
     assert (narrow <= 2e3).all()
     assert np.abs(more).max() > np.abs(left).max()
-    with pytest.raises(InputError, match=r"limits has shape \(2, 2\)"):
-        model.actuation_for(row[:6], limits=[(0.0, 1.0)] * 2)
+    some = [(0.0, 1.0)] * 3
+    for limits in (some[:2], [(0.0, np.inf)] * 3, [(0.0, np.nan)] * 3):
+        with pytest.raises(InputError, match=r"limits = .*finite numbers of shape \(3, 2\)"):
+            model.actuation_for(row[:6], limits=limits)
+    with pytest.raises(InputError, match="limits of pressure_1_Pa are 1 and 0"):
+        model.actuation_for(row[:6], limits=[(1.0, 0.0)] * 3)
+    for pose in (row[:3], np.full(6, np.nan)):
+        with pytest.raises(InputError, match=r"pose = .*finite numbers of shape \(6,\)"):
+            model.actuation_for(pose, limits=some)
+    with pytest.raises(InputError, match=r"actuation = .*of shape \(3,\)"):
+        model.free_pose(a[:2])
+
+
+def test_an_input_that_nothing_tells_about_is_refused(train: Table) -> None:
+    """With equal chambers the others tell what one does that never moves."""
+    still = train.with_columns({"pressure_3_Pa": np.full(len(train), 1e4)})
+    assert ecm.fit_model(still, "actuated3").base.coefficients.all()
+    with pytest.raises(InputError, match="pressure_3_Pa is the same in every row: nothing tells"):
+        ecm.fit_model(still, "actuated3-general")
 
 
 def test_the_stiffness_that_can_be_had_at_a_pose_holds_it(model: Model) -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from ecm._native import EnergyEvaluator, PolynomialEvaluator
 from ecm.errors import EcmError
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.models import EnergyMap, Model, PhysicsMap, PolynomialMap, fit_model
 from support.campaigns import campaign, physics, workspace_poses
 
@@ -39,6 +43,20 @@ MODELS = {
     "cubic": lambda: Model(base=cubic()),
     "with an effect": lambda: Model(base=physics()).add("base_compliance").fit(campaign(seed=2)),
 }
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_copy_and_names_in_another_order_are_the_same(name: str) -> None:
+    model = MODELS[name]()
+    wrench, stiffness = model.wrench_and_stiffness(POSES)
+    turned = dict(zip(POSE[::-1], POSES.T[::-1], strict=True))
+    for rows in (turned, pl.DataFrame(turned), as_table(turned)):
+        np.testing.assert_array_equal(model.stiffness(rows), stiffness)
+        np.testing.assert_array_equal(model.wrench_and_stiffness(rows)[0], wrench)
+    for copied in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        np.testing.assert_array_equal(copied.stiffness(POSES), stiffness)
+        assert str(copied) == str(model)
+    assert model in {model: 1}
 
 
 @pytest.mark.parametrize("name", MODELS)

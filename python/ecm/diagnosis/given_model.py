@@ -39,7 +39,7 @@ from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind, remedy_with_base
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, inputs_of
 
 _ROWS = 150
 """Rows on which the readings are compared."""
@@ -155,11 +155,13 @@ class Errors:
         sized = ", ".join(parts)
         if self.of_spread is not None:
             return f"{sized}, {100.0 * self.of_spread:.2g} % of the spread"
+        if self.over_noise is None:  # a component that never varies has no spread
+            return sized
         return f"{self.over_noise:.3g} times the noise ({sized})"
 
     def on_held_out_rows(self) -> str:
         """Return the error of a fit to these rows in words."""
-        if self.of_spread is not None:
+        if self.of_spread is not None or self.over_noise is None:
             return str(self)
         return f"{self.over_noise:.3g} times the noise on held-out rows"
 
@@ -250,6 +252,8 @@ class GivenModel:
                 "check), leave out what is no measurement (--leave-out), and fit the model again."
             )
         weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
+        if self.scale is not None:
+            weak += f", and the wrench is {self.scale:.3g} times its own"
         return {
             "effect": f" Even refitted {again}: an effect is missing{weak}.",
             "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
@@ -312,7 +316,7 @@ class _Judged:
 
     def answered(self) -> GivenModel:
         """Return the whole answer."""
-        result, table = self.result, self.decision.prepared.table
+        result = self.result
         answer, statement = self.with_table(self.answer)
         again, effects = None, None
         if self.missing:
@@ -329,13 +333,24 @@ class _Judged:
             base=self.problem.base.name,
             base_errors=self.base,
             is_base=self.is_base,
-            scale=_scale(result, table) if answer == "numbers" else None,
+            scale=self.factor(answer, again),
             statement=statement,
             neighbours_alike=result.neighbours_alike,
             unused_inputs=result.unused_inputs if answer == "inputs" else (),
             reason=self.reason if answer in ("numbers", "effect") else "",
             remedy=self.remedy(answer),
         )
+
+    def factor(self, answer: Answer, again: Errors | None) -> float | None:
+        """The factor on the wrench that explains the misfit; beside effects, what they leave."""
+        result, table, fit = self.result, self.decision.prepared.table, self.fits[1]
+        if answer == "numbers":
+            measured = table.matrix([c.name for c in result.components])[result.row]
+            return _scale(result, measured, measured - result.physical)
+        if answer != "effect" or fit is None or not _far_behind(self.given, again):
+            return None
+        poses = inputs_of(self.model.base, table.select(result.row))
+        return _scale(result, fit.base.predict(poses), self.model.base.predict(poses))
 
     @property
     def answer(self) -> Answer:
@@ -534,11 +549,10 @@ def _sized(
     return Errors(known, errors, max(shares, default=None))
 
 
-def _scale(result: Comparison, table: Table) -> float | None:
+def _scale(result: Comparison, measured: F, modelled: F) -> float | None:
     """The factor on the wrench that explains the misfit; None where none does."""
-    measured = table.matrix([c.name for c in result.components])[result.row]
     size = np.array([max(c.floor, 1e-300) for c in result.components])
-    y, x = ((h / size).ravel() for h in (measured, measured - result.physical))
+    y, x = (measured / size).ravel(), (modelled / size).ravel()
     factor = float(x @ y) / max(float(x @ x), 1e-300)
     before = float(((y - x) ** 2).sum()) - len(y)
     after = float(((y - factor * x) ** 2).sum()) - len(y)
@@ -561,8 +575,8 @@ def refit_of_kind(base: StiffnessMap, table: Table, noise: Noise) -> JointFit | 
     return fit_or_none(base, (), table, noise)
 
 
-def _far_behind(given: Errors | None, base: Errors) -> bool:
+def _far_behind(given: Errors | None, base: Errors | None) -> bool:
     """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
-    if given is None or given.over_noise is None or base.over_noise is None:
+    if given is None or base is None or given.over_noise is None or base.over_noise is None:
         return False
     return is_far_behind(given.over_noise, base.over_noise)

@@ -400,7 +400,7 @@ def significant_columns(
         gains = np.minimum(explained_by_blocks(equations, left, blocks), squares)
         sizes = np.array([len(block) for block in blocks], dtype=np.int64)
         rest = freedom - sizes
-        ratio = gains / sizes / np.maximum(squares - gains, 1e-12 * squares) * rest
+        ratio = gains / sizes / np.maximum(squares - gains, 1e-12 * squares or 1.0) * rest
         p = np.where(rest > 0, special.fdtrc(sizes, np.maximum(rest, 1), ratio), 1.0)
         if len(tried) == 0 or p.min() * len(shapes) >= level:
             break

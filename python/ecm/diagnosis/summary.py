@@ -165,7 +165,12 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
             else ", ".join([sizes.get(members[0], members[0]), *_or_else(document, members[0])])
             for members in document["answer"]
         ]
-        return f"{' and '.join(causes)}{likely}; {_fall(document)}"
+        model = document["model"]
+        moved = model["answer"] == "effect" and model.get("scale") is not None
+        factor = (
+            f"; the wrench is {model['scale']:.3g} times that of {model['name']}" if moved else ""
+        )
+        return f"{' and '.join(causes)}{likely}; {_fall(document)}{factor}"
     family, unknown = document.get("family"), document["unknown"]
     if family is not None:
         words = f": {unknown['words']}" if unknown["words"] else ""

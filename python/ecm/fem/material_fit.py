@@ -74,7 +74,7 @@ def read_test(path: Path, mode: str, *, unit: str = "", order: str = "") -> Mate
         if len(header) != 2 or "stretch" not in header or not stress:
             raise InputError(
                 f"{path}: header {' '.join(header)}, expected stretch and stress_Pa, stress_kPa "
-                "or stress_MPa"
+                "or stress_MPa (stretch is 1 + strain; stress is force over undeformed area)"
             )
         unit = stress[0].removeprefix("stress_")
         order = _ORDERS[header.index("stretch")]
@@ -225,6 +225,8 @@ def fit_material(
     """
     if not tests:
         raise InputError(f"no test: give at least one of {', '.join(TESTS)}")
+    # A Poisson's ratio out of its range is no fault of the tests.
+    Material("neo_hookean", {"young_modulus_Pa": 1.0, "poisson_ratio": poisson_ratio})
     loops = _loop_warnings(tests)
     if model in MODELS:
         told = Steps({model: 1}, progress).within(model)

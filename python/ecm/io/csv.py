@@ -100,11 +100,10 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
         names, values = list(data.column_names), [np.asarray(v.to_pylist()) for v in data.columns]
     elif hasattr(data, "columns") and hasattr(data, "__getitem__"):  # pandas, polars
         names = list(data.columns)
-        values = [np.asarray(data[name]) for name in names]
-        index = getattr(data, "index", None)
-        kind = getattr(getattr(index, "dtype", None), "kind", "none")
-        if kind in "mM" and "time_s" not in names:
-            names, values = ["time_s", *names], [np.asarray(index, f"{kind}8[ns]"), *values]
+        values = [_array(data[name]) for name in names]
+        index = _array(getattr(data, "index", None))
+        if index.dtype.kind in "mM" and "time_s" not in names:
+            names, values = ["time_s", *names], [index, *values]
     elif isinstance(data, np.ndarray) and data.dtype.names:
         names, values = list(data.dtype.names), [data[name] for name in data.dtype.names]
     else:
@@ -118,6 +117,12 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
     if repeated:
         raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
     return dict(zip(names, values, strict=True))
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """A column of a frame; dates with a time zone as those of UTC, not as objects."""
+    kind = getattr(getattr(column, "dtype", None), "kind", "none")
+    return np.asarray(column, f"{kind}8[ns]" if kind in "mM" else None)
 
 
 def _in_seconds(name: str, values: NDArray[Any]) -> NDArray[Any]:

@@ -315,6 +315,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def __post_init__(self) -> None:
+        self._complete()
         super().__post_init__()
         if self.builtin and self.mesh_file is not None:
             raise InputError("found both builtin and mesh: give one of them")
@@ -325,6 +326,27 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
             raise InputError("tendon_count needs tendon_offset_m: their distance from the axis, m")
         if self.builtin:
             self._check_dimensions()
+
+    def _complete(self) -> None:
+        """Take shape and length from the mesh, E and nu from the law; the defaults are the neck's.
+
+        A file may be given as text, and a law as a table.
+        """
+        law: Any = self.material
+        path: Any = self.mesh_file
+        if isinstance(law, Mapping):
+            law = Material.from_dict(law)
+        if isinstance(path, str):
+            path = Path(path)
+        values: dict[str, Any] = {"material": law, "mesh_file": path}
+        if isinstance(law, Material):
+            values |= {name: getattr(law, name) for name in ("young_modulus_Pa", "poisson_ratio")}
+        if isinstance(path, Path) and self.builtin == Mechanism.builtin:
+            values |= {"builtin": "", "radius_m": 0.0}
+            if self.length_m == Mechanism.length_m:
+                values["length_m"] = _mesh_length(path, {"quality": self.quality})
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def _check_dimensions(self) -> None:
         """Compare dimensions of a builtin shape with each other."""
@@ -381,6 +403,8 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         if "mesh" in table:
             if not isinstance(table["mesh"], str):
                 raise InputError(f"{place}: mesh = {table['mesh']!r}: expected a file name")
+            if values["builtin"]:
+                raise InputError(f"{place}: found both builtin and mesh: give one of them")
             values["mesh_file"] = str(base / table["mesh"])
         if not values["builtin"]:
             if "mesh" in table and "length_m" not in table:
@@ -613,11 +637,7 @@ def _read_material(table: Mapping[str, Any], place: str) -> dict[str, Any]:
     for name in ("young_modulus_Pa", "poisson_ratio"):
         if name in table:
             raise InputError(f"{place}: found {name} and material: {name} belongs into material")
-    return {
-        "material": law,
-        "young_modulus_Pa": law.young_modulus_Pa,
-        "poisson_ratio": law.poisson_ratio,
-    }
+    return {"material": law}
 
 
 def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:

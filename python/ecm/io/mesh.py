@@ -102,10 +102,9 @@ def _from_meshio(path: Path) -> Mesh:
         )
     try:
         content = meshio.read(path)
-    except (meshio.ReadError, ValueError, KeyError, IndexError, AssertionError, OSError) as error:
-        raise InputError(f"{path}: meshio cannot read this mesh: {error or 'malformed'}") from None
-    except SystemExit:
-        raise InputError(f"{path}: meshio cannot read this mesh") from None
+    except (Exception, SystemExit) as error:  # meshio raises nothing more precise
+        why = "malformed" if isinstance(error, SystemExit) else str(error) or "malformed"
+        raise InputError(f"{path}: meshio cannot read this mesh: {why}") from None
     kinds = {block.type for block in content.cells}
     words = ", ".join(sorted(kinds)) or "nothing"
     tetrahedra = [block.data for block in content.cells if block.type in ("tetra", "tetra10")]
@@ -121,7 +120,10 @@ def _from_meshio(path: Path) -> Mesh:
     numbers = {n[8:] for n in _names(content) if n[:8].lower() == "chamber_" and n[8:].isdigit()}
     names = (*FACES, *(f"chamber_{number}" for number in sorted(numbers, key=int)))
     faces = {name: _face(content, name, path) for name in names}
-    return _build(points, np.concatenate(tetrahedra).astype(np.int64), faces)
+    cells = np.concatenate(tetrahedra).astype(np.int64)
+    # Gmsh 2.2 writes an element once for each of its physical groups.
+    _, first = np.unique(np.sort(cells[:, :4], axis=1), axis=0, return_index=True)
+    return _build(points, cells[np.sort(first)], faces)
 
 
 def _face(content: Any, name: str, path: Path) -> I:

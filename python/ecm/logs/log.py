@@ -95,7 +95,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
             _add_cells(name, own, columns, text, units, epochs)
         elif own.dtype.kind in "Mm":
             begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
-            columns[name], units[name] = (own - begin) / np.timedelta64(1, "ns") * 1e-9, "s"
+            columns[name], units[name] = (own - begin) / np.timedelta64(1, "s"), "s"
             if own.dtype.kind == "M":
                 epochs[name] = float(begin.astype("M8[ms]").astype(np.int64)) * 1e-3
         elif own.dtype.kind in "fiub":

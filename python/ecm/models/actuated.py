@@ -38,6 +38,8 @@ _SINGULAR = 1e-10
 """Least singular value over the largest: below it a direction of the coefficients is unknown."""
 _EXCHANGED = 1.2
 """Least fall of the error by which columns of actuators count as exchanged."""
+_ZERO = 0.1
+"""Share of the largest tension that the zero of a load cell may be off."""
 _ALL_ORDERS = 4
 """Number of actuators up to which every order is tried; of more only two exchanged."""
 
@@ -47,9 +49,12 @@ def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
 
     A model that knows how the actuators stand round the axis errs where two columns are exchanged.
     The error is the geometric mean of the components', for a pressure may show in one alone.
-    None where no other order fits 1.2 times better, and for a model without symmetry.
+    None where no other order fits 1.2 times better, and for a model without symmetry. Tensions of
+    the wrong sign come first, for every model.
     """
     names, low = table.actuation_columns, replace(model, degree=_LEAST_DEGREE)
+    if (pushing := _pushing(table, names)) is not None:
+        return pushing
     if len(names) < 2 or model.symmetry == "general":
         return None
     kinds = tuple(map(kind_of, names))
@@ -85,6 +90,22 @@ def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
         f"{100.0 * errors[best]:.2g} %"
     )
     return WrongConvention(what, columns, decided=True, mend=entries_of(table, own))
+
+
+def _pushing(table: Table, names: tuple[str, ...]) -> WrongConvention | None:
+    """Tendons that would push: below 0 for the most part, and by more than the zero of a cell."""
+    ends = {name: (table[name].min(), table[name].max()) for name in names}
+    pulls = {name: ends[name] for name in names if kind_of(name) == "tension"}
+    zero = _ZERO * max((max(-low, high) for low, high in pulls.values()), default=0.0)
+    own = tuple(name for name, (low, high) in pulls.items() if -low > max(zero, high))
+    if not own:
+        return None
+    what = (
+        f"the sign of {' and '.join(own)} looks reversed: a tendon only pulls, and readings go "
+        f"down to {min(pulls[name][0] for name in own):.3g} N"
+    )
+    mend = entries_of(table, tuple((name, name, -1.0) for name in own))
+    return WrongConvention(what, own, decided=True, mend=mend)
 
 
 def misread(table: Table, symmetry: Symmetry = "alike") -> WrongConvention | None:
@@ -170,12 +191,14 @@ class ActuatedModel(ModelSpecification):
         rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
         base = self.empty_map(rows, length_of(table, self.name), actuation)
         terms = base.terms
-        if not base.input_scale.all():
-            name = actuation[int(np.argmin(base.input_scale))]
-            raise InputError(
-                f"{table.source}: {name} is 0 in every row, and so are all of its kind; give rows "
-                "under load, or leave these columns out"
-            )
+        moved, kinds = np.ptp(rows[:, 6:], axis=0) > 0.0, np.array(terms.kinds)
+        for i, name in enumerate(actuation):
+            # Without symmetry no other actuator tells what this one does.
+            if not np.any(moved[i] if self.symmetry == "general" else moved[kinds == kinds[i]]):
+                raise InputError(
+                    f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
+                    "what it does; give rows in which it varies, or leave the column out"
+                )
         amounts, of = _measured_amounts(table, actuation)
         equations = len(table) * (6 + len(of))
         if equations < terms.count() + (len(base.pure_J) if of else 0):

@@ -30,7 +30,7 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, least_squares, minimize
 
 from ecm._native import mid_frame
-from ecm.errors import ComputationError, InputError
+from ecm.errors import ComputationError, InputError, shown
 from ecm.io.arrays import F, I, lstsq
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, Symmetry
@@ -468,10 +468,10 @@ def free_pose(
     energy: ActuatedMap, inputs: F, wrench: F | None = None, *, start: F | None = None
 ) -> tuple[F, F]:
     """Pose (6,) that takes a wrench (6,) at these inputs (m,), and its change dp/da (6, m)."""
-    goal = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=np.float64)
-    a = np.asarray(inputs, dtype=np.float64)
+    goal = _finite("free_pose: wrench", np.zeros(6) if wrench is None else wrench, (6,))
+    a = _finite("free_pose: actuation", inputs, (len(energy.actuators),))
     rest = np.array([energy.terms.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    pose = rest if start is None else np.asarray(start, dtype=np.float64)
+    pose = _finite("free_pose: start", rest if start is None else start, (6,))
     none, share, step = np.zeros((1, 0)), 0.0, 1.0
     while share < 1.0:
         aim = min(1.0, share + step)
@@ -490,6 +490,17 @@ def free_pose(
     return pose, np.asarray(-slope)
 
 
+def _finite(what: str, given: Any, shape: tuple[int, ...]) -> F:
+    """Return an array of this shape; InputError for another one, or a number that is not finite."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros((0, 0, 0))
+    if found.shape != shape or not np.isfinite(found).all():
+        raise InputError(f"{what} = {shown(given)}: expected finite numbers of shape {shape}")
+    return found
+
+
 @dataclass(frozen=True)
 class Held:
     """A pose that is held against a wrench by inputs within limits, over `input_scale`."""
@@ -501,14 +512,27 @@ class Held:
     caller: str
 
     @cached_property
+    def at(self) -> F:
+        """(6,) the pose."""
+        return _finite(f"{self.caller}: pose", self.pose, (6,))
+
+    @cached_property
+    def goal(self) -> F:
+        """(6,) the wrench, N and N m."""
+        wrench = np.zeros(6) if self.wrench is None else self.wrench
+        return _finite(f"{self.caller}: wrench", wrench, (6,))
+
+    @cached_property
     def bounds(self) -> F:
         """(m, 2) dimensionless."""
-        bounds, m = np.asarray(self.limits, dtype=np.float64), len(self.base.actuators)
-        if bounds.shape != (m, 2) or (bounds[:, 0] >= bounds[:, 1]).any():
-            raise InputError(
-                f"{self.caller}: limits has shape {bounds.shape}, expected least and largest input "
-                f"of each of the {m} actuators"
-            )
+        names = self.base.actuators
+        bounds = _finite(f"{self.caller}: limits", self.limits, (len(names), 2))
+        for name, (low, high) in zip(names, bounds, strict=True):
+            if low >= high:
+                raise InputError(
+                    f"{self.caller}: limits of {name} are {low:g} and {high:g}: expected its least "
+                    "input, and a larger one"
+                )
         return bounds / self.base.input_scale[:, None]
 
     @cached_property
@@ -518,13 +542,11 @@ class Held:
 
     def row(self, a: F) -> F:
         """(1, 6 + m)."""
-        pose = np.asarray(self.pose, dtype=np.float64)
-        return np.concatenate([pose, a * self.base.input_scale])[None]
+        return np.concatenate([self.at, a * self.base.input_scale])[None]
 
     def left(self, a: F) -> F:
         """(6,) wrench that is still needed, N and N m."""
-        goal = np.zeros(6) if self.wrench is None else np.asarray(self.wrench, dtype=np.float64)
-        return np.asarray(self.base.predict(self.row(a))[0] - goal)
+        return np.asarray(self.base.predict(self.row(a))[0] - self.goal)
 
     def slope(self, a: F) -> F:
         """(6, m) its derivative."""
@@ -564,7 +586,7 @@ class Held:
 
     def extreme(self, sign: float, d: F, tolerance: F) -> tuple[float, F]:
         """The least (sign 1) or largest (-1) stiffness d'Kd, and its inputs in their own units."""
-        at = np.asarray(self.pose, dtype=np.float64)[None]
+        at = self.at[None]
         parts = [(product, float(d @ u.stiffness(at)[0] @ d)) for product, u in self.base.parts]
         size = max(abs(value) for _, value in parts)
         m = len(self.bounds)

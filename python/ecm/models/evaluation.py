@@ -20,7 +20,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F, I, central_differences, evenly
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
-from ecm.io.table import Table, TableLike, takes_table
+from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.actuated_energy import Held, free_pose
 from ecm.models.joint_fit import FittedEffect
@@ -39,7 +39,7 @@ from ecm.regression.rows import Rows, actuators_of, columns_of, inputs_of, is_wh
 ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class EvaluatedModel:
     """What a model holds and what it says at poses; `Model` adds fits, effects and files.
 
@@ -190,7 +190,8 @@ class EvaluatedModel:
         """
         if not isinstance(self.base, ActuatedMap):
             raise InputError(
-                f"{self.name} has no actuators: fit --model actuated4 to a table with pressure_1_Pa"
+                f"{self.name} has no actuators: of a driven body fit --model actuated4 to a table "
+                "with pressure_1_Pa or tension_1_N; of a passive one --model physics finds E"
             )
         return self.base
 
@@ -293,12 +294,10 @@ class EvaluatedModel:
         lacking = {item.id: item.effect.missing(filled) for item in self.effects}
         return {id: why for id, why in lacking.items() if why is not None and why.absent}
 
-    def predict_sd(self, data: Table | F) -> F | None:
+    def predict_sd(self, data: TableLike | F) -> F | None:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
         if self.covariance is None:
             return None
-        if isinstance(data, Table):
-            data = inputs_of(self.base, data)
         poses = rows_of_poses(data, self.base)
         covariance, base = self.covariance, self.base
 
@@ -308,7 +307,7 @@ class EvaluatedModel:
 
         return finite("the deviation", of_coefficients)
 
-    def reading_sd(self, poses: F) -> F | None:
+    def reading_sd(self, poses: TableLike | F) -> F | None:
         """(N, m) standard deviation of a new reading around the prediction, where known.
 
         From the coefficients and the noise of one row, the latter widened where the training
@@ -322,14 +321,14 @@ class EvaluatedModel:
         variance = self.noise.variances(self.rows_at(poses))
         return finite("the deviation", lambda: np.sqrt(sd**2 + factor * variance))
 
-    def leverage(self, poses: F) -> F | None:
+    def leverage(self, poses: TableLike | F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
         poses = rows_of_poses(poses, self.base)
         if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
             return None
         return leverages(self.base, self.covariance, self.noise, poses)
 
-    def stiffness_sd(self, poses: F) -> F | None:
+    def stiffness_sd(self, poses: TableLike | F) -> F | None:
         """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
         if self.covariance is None:
             return None
@@ -345,17 +344,18 @@ class EvaluatedModel:
 
         return finite("the deviation", of_coefficients)
 
-    def stiffness(self, poses: F, kind: str = "partial") -> F:
+    def stiffness(self, poses: TableLike | F, kind: str = "partial") -> F:
         """(N, m, n) stiffness of the base and of the effects of physics on the pose.
 
-        One pose (n,) gives one stiffness (m, n).
+        One pose (n,) gives one stiffness (m, n). The rows of a table, a data frame or a dict are
+        poses, too.
         """
         rows = rows_of_poses(poses, self.base)
         acting = self.acting_at_poses
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
         return np.asarray(found[0]) if is_one_pose(poses, self.base) else found
 
-    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+    def wrench_and_stiffness(self, poses: TableLike | F, kind: str = "partial") -> tuple[F, F]:
         """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
 
         Examples
@@ -431,17 +431,27 @@ def on_what_is_measured(model: ModelT, table: Table) -> ModelT:
     return model if base is model.base else replace(model, base=base)
 
 
-def is_one_pose(poses: F, base: StiffnessMap) -> bool:
+def is_one_pose(poses: TableLike | F, base: StiffnessMap) -> bool:
     """Whether an array is one pose (n,) of a map: of one column also a number, but not (N,)."""
     one_column = len(base.inputs) + len(actuators_of(base)) == 1
+    if _has_names(poses):
+        return False
     return np.ndim(poses) == 0 or (np.ndim(poses) == 1 and not (one_column and np.size(poses) != 1))
 
 
-def rows_of_poses(poses: F, base: StiffnessMap) -> F:
+def _has_names(poses: Any) -> bool:
+    """Whether the columns say what they are: of a table, a data frame or a dict."""
+    return isinstance(poses, Mapping) or hasattr(poses, "columns")
+
+
+def rows_of_poses(poses: TableLike | F, base: StiffnessMap) -> F:
     """(N, n) of poses (N, n), or (1, n) of one pose (n,); of one column also of (N,) or a number.
 
-    With the inputs of actuators after them where the map has some.
+    With the inputs of actuators after them where the map has some. Columns that have names are
+    taken by these, in whatever order they stand.
     """
+    if _has_names(poses):
+        return inputs_of(base, as_table(poses, need="predict"))
     inputs, actuators = base.inputs, actuators_of(base)
     try:
         rows = np.ascontiguousarray(poses, dtype=np.float64)
@@ -451,7 +461,7 @@ def rows_of_poses(poses: F, base: StiffnessMap) -> F:
     if np.ndim(poses) < 2 and rows.ndim == 1:
         rows = rows.reshape((-1, 1) if n + len(actuators) == 1 else (1, -1))
     fits = rows.ndim == 2 and rows.shape[1] in (n, n + len(actuators))
-    if not fits or isinstance(poses, str | bytes | Mapping):
+    if not fits or isinstance(poses, str | bytes):
         shape = getattr(poses, "shape", None)
         found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
         raise InputError(

@@ -255,6 +255,10 @@ class PolynomialMap(MapDefaults):
         """Terms, ranges and coefficients for a model file."""
         return self.model.document(self.inputs, self.outputs)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As its document: what is compiled has no copy of its own."""
+        return PolynomialMap.from_document, (self.document(),)
+
     @staticmethod
     def from_document(document: dict[str, Any]) -> PolynomialMap:
         """Return the map of an opened model file."""
@@ -363,6 +367,10 @@ class EnergyMap(SixAxisMap):
     def document(self) -> dict[str, Any]:
         """Terms, scales and coefficients for a model file."""
         return self.model.document()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As its document: what is compiled has no copy of its own."""
+        return EnergyMap.from_document, (self.document(),)
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> EnergyMap:

@@ -66,7 +66,7 @@ _SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
 """Parts of `training` that have a sentence in the fit report."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Model(Shown, EvaluatedModel):
     """A base map with effects: h(p) of the base plus the corrections of the effects.
 
@@ -177,7 +177,7 @@ class Model(Shown, EvaluatedModel):
                 )  # fmt: skip
         return found
 
-    def extrapolates(self, poses: F) -> B:
+    def extrapolates(self, poses: TableLike | F) -> B:
         """(N,) whether the model is asked beyond its measured poses.
 
         There `inside` of the exported model is 0. A file that holds no measured poses has the range
