@@ -265,7 +265,10 @@ def test_readings_are_in_the_order_of_time_where_the_clock_is_set_back(
         run(plan_of(), rig, out)
     journal = tmp_path / "data.journal.csv"
     kept = journal.read_text()
-    part = measure(plan_of(), bench_of(), out, devices={}, say=unsaid, minutes=0.0)
+    only: Any = {"devices": {}, "say": unsaid, "minutes": 0.0, "agree": pytest.fail}
+    part = measure(plan_of(), bench_of(), out, **only)
+    with pytest.raises(InputError, match="no pose was measured, so no table is written"):
+        measure(plan_of(), bench_of(), tmp_path / "other.csv", **only)
     assert part.text("kind").tolist() == ["pose"] * 4
     out.unlink()
     journal.write_text(kept)
@@ -614,6 +617,7 @@ def test_a_late_answer_is_not_that_of_the_stop(form: str, asked: str, lost: bool
         stream.write(own if lost else answer(question) + own)
         heard = str(stop.exception(5.0))
     device.close()
+    assert not device._heard  # what nobody waits for is not kept
     assert heard == "None" if numbered or not lost else "no answer within 0.3 s" in heard
 
 

@@ -112,7 +112,7 @@ def test_a_model_in_the_place_of_the_table_is_told(ecm_command: Run) -> None:
 def test_a_workbook_is_told_how_it_becomes_a_table(ecm_command: Run) -> None:
     Path("log.xlsx").write_bytes(b"PK\x03\x04" + bytes(40))
     done = ecm_command("fit", "log.xlsx").refused()
-    assert "save a workbook's sheet as CSV" in done.err
+    assert "Save the sheet of a workbook, or the file of another program, as CSV; or" in done.err
 
 
 @pytest.mark.parametrize("table", sorted((ROOT / "examples").glob("*.csv")), ids=lambda p: p.stem)

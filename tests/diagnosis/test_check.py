@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ecm.comparison import compare
+from ecm.diagnosis import diagnose
 from ecm.effects import all_effects
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -25,6 +26,21 @@ def test_every_effect_is_testable_or_has_a_reason_and_a_remedy() -> None:
     named = {*found.testable, *(one.id for one in found.not_testable)}
     assert named == {effect.id for effect in all_effects()}
     assert all(one.reason and one.record for one in found.not_testable)
+
+
+def test_check_and_diagnose_test_the_same_of_a_table_of_few_columns() -> None:
+    """A pose that was held, and one of its inputs, which effects of all six poses need as well."""
+    rng, t = np.random.default_rng(0), np.arange(300.0)
+    x, tension = 1e-3 * np.sin(0.2 * t), 5.0 + 3.0 * np.sin(0.03 * t)
+    force = 900.0 * x + 0.02 * tension + 0.01 * rng.standard_normal(len(t))
+    held = np.full(len(t), 0.25)
+    columns = {"time_s": t, "x_m": x, "z_m": held, "fx_N": force, "tension_1_N": tension}
+    table = as_table(columns)
+    checked, told = check(table), diagnose(fit_model(table, "cubic"), table)
+    assert set(checked.testable) == {one.id for one in told.ranking}
+    lacking = {one.id for one in checked.not_testable}
+    assert lacking == {one.id for one in told.not_testable}
+    assert {"regulator_lag", "capstan_friction"} < lacking
 
 
 def test_a_column_makes_its_effect_testable() -> None:

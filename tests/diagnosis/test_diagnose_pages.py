@@ -213,7 +213,7 @@ def test_the_lines_of_a_name_carry_its_size_its_error_and_the_command(
 
 def test_a_base_that_too_few_rows_tell_asks_for_more_poses(told: dict[str, Told]) -> None:
     few = told["none"].document | {"held_out": {"before": 5.9, "after": 5.9}}
-    assert Summary.of(few).next.startswith("measure more poses: on held-out rows physics errs 5.9")
+    assert Summary.of(few).next.startswith("measure more: on held-out rows physics errs 5.9")
 
 
 def test_a_name_whose_error_rises_on_held_out_rows_asks_for_more_poses(
@@ -223,7 +223,7 @@ def test_a_name_whose_error_rises_on_held_out_rows_asks_for_more_poses(
     said = Summary.of(few)
     assert "too few for the error of physics to fall" in said.missing
     assert "22.9" not in said.missing
-    assert said.next.startswith("measure more poses: these are too few")
+    assert said.next.startswith("measure more: these are too few")
 
 
 def test_without_details_three_lines_and_where_the_rest_is(

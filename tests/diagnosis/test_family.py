@@ -14,6 +14,7 @@ from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import effects_of, unregister
+from ecm.effects.experiments import get_experiment
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from support.campaigns import META, NOISE, campaign, model, workspace_poses
@@ -37,6 +38,19 @@ def memory() -> Table:
     y = random.uniform(-0.01, 0.01, 160)
     fy = 300.0 * y + 0.05 * random.standard_normal(160) + 60.0 * np.r_[x[:1], x[:-1]]
     return spring(y_m=y, fy_N=fy)
+
+
+def test_a_log_of_few_columns_has_no_poses_to_go_to() -> None:
+    table, said = memory(), []
+    for kind in ("static", "continuous"):
+        own = ecm.as_table(dict(table.columns), meta={"file": {"kind": kind}})
+        problem = assemble(ecm.fit_model(own, "linear").base, own, ())
+        found = find_family(problem, posterior(problem), ())
+        assert found is not None
+        said.append(found.experiment)
+        assert get_experiment(found.experiment).id == "both_sides"
+    assert "the same pose from" in said[0]
+    assert "pose" not in said[1]
 
 
 def test_the_driver_is_said_with_a_draft_that_explains_it() -> None:

@@ -17,6 +17,7 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
+from ecm.io.sanity import suspect_rows
 from ecm.io.se3 import wrapped_rotation
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
@@ -105,13 +106,20 @@ def test_another_specimen_is_said_beside_a_missing_effect(factor: float) -> None
     assert found.summary().missing.endswith(f"times the noise{said}")
 
 
-def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model() -> None:
-    """A channel that stood still for a while: rows that count less in the base."""
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [("stood still", "ecm check says what is wrong with 95, and"),
+     ("came reversed", "ecm check finds no fault in them: look at them, and list what")],
+)  # fmt: skip
+def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model(
+    fault: str, said: str
+) -> None:
+    """A channel was wrong for a while: rows that count less in the base, and what check knows."""
     time = 0.02 * np.arange(3000.0)
     angle = 0.4 * np.sin(9.0 * time) + 0.02 * np.sin(0.33 * time)
     random = np.random.default_rng(1)
     torque = 3.0 * angle + 0.02 * random.standard_normal(len(time))
-    angle[1500:1600] = angle[1500]
+    angle[1500:1600] = angle[1500] if fault == "stood still" else angle[1599:1499:-1]
     meta = {
         "file": {"kind": "continuous"},
         "instrument": {"torque_sd_Nm": 0.02, "pose_rotation_sd_rad": 1e-5},
@@ -119,9 +127,13 @@ def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model() -> N
     log = as_table({"time_s": time, "theta_z_rad": angle, "tau_z_Nm": torque}, meta=meta)
     found = diagnose(fit_model(log, "cubic"), log)
     assert found.model.reason == "rows"
-    assert "leave out what is no measurement (--leave-out)" in found.sentence()
-    assert any("rows are unlike all others and count less" in text for text in found.warnings)
-    assert found.model.base_errors.rmse["tau_z_Nm"] < 0.03
+    assert "leave out what is no measurement, and fit" in found.sentence()
+    (warning,) = (text for text in found.warnings if "rows are unlike all others" in text)
+    assert said in warning
+    remedy = found.model.remedy
+    assert remedy is not None
+    assert bool(remedy.command) == bool(suspect_rows(log))
+    assert found.model.base_errors.rmse["tau_z_Nm"] < 0.05
     log = log.select((time < 30.0) | (time >= 32.0))
     assert not any("unlike" in text for text in diagnose(fit_model(log, "cubic"), log).warnings)
 

@@ -80,6 +80,10 @@ def test_dates_count_from_the_first_in_a_table_as_in_an_import() -> None:
     assert not doubts(table, None)
     own = ecm.as_table(frame.rename_axis("time_s").reset_index())
     assert own["time_s"].tolist() == table["time_s"].tolist()
+    texts = pandas.DataFrame(spring()).assign(time_s=dates.strftime("%d.%m.%Y %H:%M:%S"))
+    with pytest.raises(ecm.InputError, match=r"every row .*'05\.01.*\n.*\n.*import_log\(log\)"):
+        ecm.fit(texts, "linear")
+    assert ecm.import_log(texts).table["time_s"].tolist() == list(range(24))
     log = ecm.import_log(frame.rename_axis("Date").reset_index())
     assert log.table["time_s"].tolist() == table["time_s"].tolist()
 

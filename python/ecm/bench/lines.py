@@ -96,7 +96,7 @@ class LineDevice:
         self._owed = dict[int, str]()
         """Questions without an answer by their numbers, those that were given up included."""
         self._heard = dict[int, dict[str, Any]]()
-        """Answers that nobody has taken yet, by the same numbers."""
+        """Answers to a question that still waits, by the same numbers."""
         self._aside, self._baud = "", baud
         self._link = self._connected()
 
@@ -215,7 +215,8 @@ class LineDevice:
                     continue
                 self._owed.pop(number, None)
                 raise DeviceError(f"{self._address}: {wrong}")
-            self._heard[own] = answer
+            if own == number or self._owed[own] == "stop":  # which waits for the lock
+                self._heard[own] = answer
             for passed in [asked for asked in self._owed if asked <= own]:
                 del self._owed[passed]
             if own > number:

@@ -203,7 +203,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
         Seed of the diagnoses of `named`.
     agree
         Gets the lines of `envelope` before anything moves, when NAME.envelope.svg is drawn; what
-        it raises ends the run there.
+        it raises ends the run there. With 0 `minutes` nothing moves, and it is not asked.
     resume
         Go on after the last reading of a run that was cut; False starts again.
     overwrite
@@ -255,7 +255,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
             )
         run.chooser = Until(goal, plan, fit, model, seed)
     lines.append(pictured(run, out))
-    if agree is not None:
+    if agree is not None and minutes != 0.0:
         agree(lines)
     if model is not None:
         _hold_to(run, model, until)
@@ -283,8 +283,8 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
             return findings
 
         # Also of a rig that is broken for good, or of a plan with a pose that it cannot reach.
-        ended = run.taken and (minutes == 0.0 or run.taken[-1].row == THE_END)
-        if not ended:
+        ended = run.taken and run.taken[-1].row == THE_END
+        if minutes != 0.0 and not ended:
             parts = bench.open() if devices is None else devices
             sample = None if samples is None else samples.append
             _drive(Messages(run, parts, keep, say, minutes, sample), engine_of, run, first, parts)

@@ -112,8 +112,8 @@ def design(
         Poses already measured.
     base : MODEL
         Nominal model: rows count by their noise.
-    rig : RIG
-        Rig file: its noise and times.
+    rig : RIG.toml
+        Simulated rig (`ecm new rig`): noise and times.
     how_many
         Also the expected error for each n up to N.
     iterations : N

@@ -140,7 +140,7 @@ def find_family(
         columns=tuple(one.column for one in said if problem.table.has(one.column)),
         draft=draft_of(problem, said[0].column, said[0].history),
         like=tuple(dict.fromkeys(id for one in said[:fewest] for id in one.like)),
-        experiment=experiment.action,
+        experiment=experiment.words(problem.table),
         minutes=experiment.minutes,
     )
 

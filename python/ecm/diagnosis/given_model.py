@@ -248,8 +248,8 @@ class GivenModel:
         again = f"it errs {self.refitted.on_held_out_rows()}"
         if self.reason == "rows":
             return (
-                " In the base rows that are unlike all others count less: look at them (ecm "
-                "check), leave out what is no measurement (--leave-out), and fit the model again."
+                " In the base rows that are unlike all others count less: look at them (a warning "
+                "names them), leave out what is no measurement, and fit the model again."
             )
         weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
         if self.scale is not None:
@@ -514,7 +514,9 @@ class _Judged:
         if decision.misread and wrong is not None and wrong.mend:
             return Remedy("mend the columns, and read the table again", "ecm check DATA --mend")
         if self.reason == "rows":
-            return Remedy("look at the rows that are unlike all others", "ecm check DATA")
+            told = decision.prepared.told_by_check(self.problem.outlying_rows)
+            words = "look at the rows that are unlike all others"
+            return Remedy(words, "ecm check DATA" if told else "")
         base = {"form": self.problem.base, "inputs": self.problem.base, "numbers": self.model.base}
         if answer not in base:
             return None

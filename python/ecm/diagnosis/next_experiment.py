@@ -352,7 +352,7 @@ def next_experiments(
             groups.append(
                 ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:_MOST_COMPARED])
             )
-    return _Choice(groups, _offered(problem, groups)).proposals()
+    return _Choice(problem.table, groups, _offered(problem, groups)).proposals()
 
 
 def _telling() -> dict[str, dict[str, Experiment]]:
@@ -383,6 +383,7 @@ def _offered(problem: Problem, groups: Sequence[ConfusionClass]) -> dict[Experim
 class _Choice:
     """The experiments that are offered, and what each would tell about each class."""
 
+    table: Table
     groups: Sequence[ConfusionClass]
     offered: Mapping[Experiment, Sequence[Told]]
 
@@ -435,7 +436,7 @@ class _Choice:
                 if a < b and (b, a) not in pairs:
                     pairs.add((a, b))
         return Proposal(
-            action=SEPARATOR.join(one.action for one in parts),
+            action=SEPARATOR.join(one.words(self.table) for one in parts),
             minutes=self._minutes(parts),
             separates=tuple(sorted(" or ".join(pair) for pair in pairs)),
             p_correct_before=self._chance(()) if known else None,

@@ -13,7 +13,7 @@ from ecm.effects.protocol import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.conventions import WrongConvention
-from ecm.io.sanity import zero_columns
+from ecm.io.sanity import suspect_rows, zero_columns
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap, misread
 from ecm.models.joint_fit import FittedEffect
@@ -43,6 +43,11 @@ class Prepared:
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
     misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
+
+    def told_by_check(self, rows: Sequence[int]) -> list[int]:
+        """Numbers in the file of those of these rows that `ecm check` lists as no measurement."""
+        told = {number for one in suspect_rows(self.table.full) for number in one.rows}
+        return [n for n in self.table.numbers_in_file[rows].tolist() if n in told]
 
 
 def prepare(

@@ -513,9 +513,12 @@ def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
         yield f"{copies} rows repeat an earlier row to the last digit: left out"
     if unlike := problem.outlying_rows:
         numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
-        yield (
-            f"{len(unlike)} rows are unlike all others and count less: {numbers}; ecm check says "
-            "which are no measurement, and its --leave-out leaves them out"
+        told = len(prepared.told_by_check(unlike))
+        yield f"{len(unlike)} rows are unlike all others and count less: {numbers}; " + (
+            f"ecm check says what is wrong with {told}, and its --leave-out leaves these out"
+            if told
+            else "ecm check finds no fault in them: look at them, and list what is no measurement "
+            "under [leave_out] of the TOML"
         )
     yield from unstated(prepared.table.full)
     if late := time_unit(problem.table):

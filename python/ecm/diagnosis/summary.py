@@ -315,7 +315,7 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
         yield f"{family['experiment']} ({family['minutes']} min): shows {shows}"
     if document["answer"] and _too_few(document):
-        yield "measure more poses: these are too few for the model and what it lacks together"
+        yield "measure more: these are too few for the model and what it lacks together"
     yield from _told_apart(document)
     yield from _of_unknown(unknown)
     if unknown or document["verdict"] == "ambiguous":
@@ -324,11 +324,11 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
         model = document["model"]
         if document["noise"]["source"] == "declared" and _errs_far(model):
-            yield "measure some poses twice: tells larger noise from a missing effect"
+            yield "measure a part twice: tells larger noise from a missing effect"
         base = model["base"]
-        yield f"measure more poses: on held-out rows {base} errs {before:.2g} times the noise"
+        yield f"measure more: on held-out rows {base} errs {before:.2g} times the noise"
     if document["noise"]["source"] == "assumed":
-        yield "measure some poses twice: the noise is only assumed"
+        yield "measure a part twice: the noise is only assumed"
     yield "no experiment is needed"
 
 

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ecm.io.columns import POSE
+from ecm.io.table import Table
+
 MINUTES_BY_HAND = 30
 """Time taken for an experiment that is not listed here."""
 SEPARATOR = " + "
@@ -31,6 +34,8 @@ class Experiment:
         Name of the plan in `ecm.designs.plans` that the rig can drive; empty: done by hand.
     readings
         Standard deviation, by unit, of a reading of an effect's size: effect id -> unit -> sd.
+    moving
+        The same with a rig that records a motion and has no poses to go to; empty: the action.
 
     Examples
     --------
@@ -45,6 +50,12 @@ class Experiment:
     minutes: int = MINUTES_BY_HAND
     recipe: str = ""
     readings: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
+    moving: str = ""
+
+    def words(self, table: Table) -> str:
+        """What to do with the rig of a table: a log of few columns has no poses to go to."""
+        is_motion = table.continuous and not {*POSE} <= {*table.columns}
+        return (is_motion and self.moving) or self.action
 
     @property
     def can_be_driven(self) -> bool:
@@ -59,25 +70,30 @@ class Experiment:
 
 _LISTED = (
     # Driven by the rig.
-    Experiment("repeat_first_poses", "repeat the first 10 poses", 15, "first_poses"),
+    Experiment("repeat_first_poses", "repeat the first 10 poses", 15, "first_poses",
+               moving="repeat the first minutes of the motion"),
     Experiment("repeat_next_day", "repeat the first set at the end, and next day", 30,
                "first_poses"),
     Experiment("conditioning_cycles", "5 conditioning cycles, then repeat the first 10 poses", 20,
-               "conditioning"),
+               "conditioning", moving="5 of the largest cycles, then repeat the first minutes"),
     Experiment("repeat_those_poses", "repeat those poses", 20, "repeats"),
     Experiment("repeat_small_and_large", "repeats at small and large poses", 20, "repeats"),
     Experiment("push_and_pull", "a pair of push and pull poses", 20, "push_and_pull"),
     Experiment("fine_sweep", "fine sweep through the kink", 25, "sweep"),
     Experiment("three_dwells", "dwell of 2, 8 and 60 s", 25, "holds"),
     Experiment("hold_60_s", "hold 60 s", 25, "holds"),
-    Experiment("hold_one_pose", "hold one pose for 60 s", 25, "holds"),
-    Experiment("both_sides", "the same pose from both sides, again after 60 s", 30, "both_sides"),
+    Experiment("hold_one_pose", "hold one pose for 60 s", 25, "holds",
+               moving="stop the motion for 60 s"),
+    Experiment("both_sides", "the same pose from both sides, again after 60 s", 30, "both_sides",
+               moving="stop at the same place from both sides, again after 60 s"),
     Experiment("home_after_every_sample", "home pose after every sample", 30, "homes"),
     Experiment("return_home", "return home, repeat the first pose", 30, "homes"),
     Experiment("unloaded_zero", "unloaded zero", 30, "zeros"),
-    Experiment("zero_every_ten_poses", "unloaded zero every 10 poses", 30, "zeros"),
+    Experiment("zero_every_ten_poses", "unloaded zero every 10 poses", 30, "zeros",
+               moving="stop for an unloaded zero every few minutes"),
     Experiment("zero_at_two_orientations", "unloaded zero at two orientations", 30, "zeros"),
-    Experiment("warm_and_cold", "repeat 10 poses warm and cold", 80, "warm_and_cold"),
+    Experiment("warm_and_cold", "repeat 10 poses warm and cold", 80, "warm_and_cold",
+               moving="repeat the motion warm and cold"),
     Experiment("zero_warm_and_cold", "unloaded zero warm and cold", 80, "warm_and_cold"),
     Experiment("remove_payload", "remove the payload", 30, "without_payload"),
     Experiment("zero_without_payload", "zero the sensor without the payload", 30,
@@ -126,7 +142,7 @@ _LISTED = (
 )  # fmt: skip
 EXPERIMENTS: Mapping[str, Experiment] = {one.id: one for one in _LISTED}
 """All experiments by id."""
-_BY_ACTION = {one.action: one for one in _LISTED}
+_BY_ACTION = {words: one for one in _LISTED for words in (one.action, one.moving) if words}
 
 
 def get_experiment(name: str) -> Experiment:

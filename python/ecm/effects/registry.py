@@ -235,8 +235,8 @@ def effects_of(table: Table, given: Sequence[Effect] | None = None) -> tuple[Eff
     stated = table.meta.length_m is not None
     effects = effects_for((*table.pose_columns, *table.wrench_columns), given, length_known=stated)
     if given is None and table.actuation_columns:
-        more = _ACTUATED if needs_full(table) is None else _ACTUATED_FEW
-        effects = (*effects, *more)
+        few = () if needs_full(table) is None else _ACTUATED_FEW
+        effects = (*effects, *_ACTUATED, *few)
     plain = [effect for effect in effects if effect is not beyond_physics.UNUSED]
     if given is not None and len(plain) == len(effects):
         return effects

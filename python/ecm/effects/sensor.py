@@ -175,7 +175,7 @@ class FtsDrift(CourseEffect):
     parameters = _of_axes("rate", "/s", (1e-4, 3e-6))
     outside = LookAlike(
         "anything that grows with time in the sensor's axes: a warm-up, a body that swells",
-        "the unloaded zero every ten poses",
+        "the unloaded zero again and again",
     )
     signature = "body axes, monotone in t, the same at home, not conservative"
     needs = "time (time_s)"

@@ -56,6 +56,11 @@ def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
 
 IMPORT = "ecm import DATA --out table.csv"
 """The command that makes a table of a log."""
+OTHER_FILES = (
+    "Save the sheet of a workbook, or the file of another program, as CSV; or read it in Python "
+    "and give the data frame: ecm.import_log(frame)."
+)
+"""What to do with files that nothing here reads."""
 
 
 def read_text(path: Path, what: str) -> str:
@@ -73,7 +78,7 @@ def read_text(path: Path, what: str) -> str:
     if b"\0" in raw[:65536]:
         other = ""
         if "table" in what:
-            other = " ecm import reads MAT, HDF5, NPZ and bags; save a workbook's sheet as CSV."
+            other = f" ecm import reads MAT, HDF5, NPZ and bags. {OTHER_FILES}"
         raise InputError(f"{path}: found a binary file, expected a {what} (UTF-8 text).{other}")
     try:
         return raw.decode("utf-8-sig")

@@ -162,10 +162,12 @@ def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[
     texts = ["" if cell is None else str(cell).strip() for cell in cells]
     parsed = [number_of(text) for text in texts]
     unread = np.array([value is None for value in parsed])
-    if not is_standard(own) and len(texts) > 1 and unread.all() and "" not in texts:
+    if len(texts) > 1 and unread.all() and "" not in texts:
+        words = "remove the column, or import the log, which reads dates and leaves text aside"
         raise InputError(
             f"{errors.source}: column '{own}' is text in every row (the first: {shown(texts[0])}), "
-            "expected numbers: only approach, kind and action are text. Remove the column."
+            "expected numbers: only approach, kind and action are text",
+            remedy=Remedy(words, IMPORT),
         )
     for row in np.flatnonzero(unread):
         text = texts[row]

@@ -23,6 +23,7 @@ from ecm.io.columns import is_other_unit
 from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress
 from ecm.io.extras import read_parquet, readable, require
+from ecm.io.settings import OTHER_FILES
 from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, numbers_in_words, unique_names
 from ecm.logs.names import Answer, Question, find_unit
 
@@ -152,10 +153,7 @@ def _decoded(path: Path) -> str:
         if wide or b"\0" not in raw[:65536]:
             return raw.decode("utf-16" if wide else "utf-8-sig")
     if b"\0" in raw[:65536]:
-        raise InputError(
-            f"{path}: a binary file of a kind that is not known here. Save the log, or the sheet "
-            "of a workbook, as CSV, Parquet, MAT, HDF5 or NPZ."
-        )
+        raise InputError(f"{path}: a binary file of a kind that is not known here. {OTHER_FILES}")
     return raw.decode("latin-1")
 
 

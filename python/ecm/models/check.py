@@ -224,7 +224,6 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     steps = Steps({_COLUMNS: 2, _TESTABLE: 6, _REPEATS: 2, _SUSPECT: 2}, progress)
     steps.begin(_COLUMNS)
     columns = tuple(_column(name, values) for name, values in table.columns.items())
-    constant = never_excited(table)
     missing = [name for name in (*POSE, *WRENCH) if not table.has(name)]
     kind = table.text("kind")
     kinds = {name: int(np.count_nonzero(kind == name)) for name in KINDS}
@@ -233,8 +232,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     zeros = zero_columns(table)
     tried = table.drop(*zeros)
     effects = effects_of(tried)
-    still = [name for name in constant if name not in zeros]
-    not_testable = tuple(_lacking(effects, tried, still, steps.within(_TESTABLE)))
+    not_testable = tuple(_lacking(effects, tried, steps.within(_TESTABLE)))
     lacking = {one.id for one in not_testable}
     steps.begin(_REPEATS)
     repeated, noise = repeated_poses(table), noise_source(table)
@@ -246,7 +244,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
         kinds={name: count for name, count in kinds.items() if count},
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
-        never_excited=constant,
+        never_excited=never_excited(table),
         zero_columns=zeros,
         missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
@@ -291,7 +289,7 @@ def _column(name: str, values: NDArray[Any]) -> ColumnCheck:
 
 
 def _lacking(
-    effects: Sequence[Effect], table: Table, constant: Sequence[str], progress: Progress | None
+    effects: Sequence[Effect], table: Table, progress: Progress | None
 ) -> Iterator[NotTestable]:
     """Yield the effects that the table cannot test, with reason and remedy."""
     for i, effect in enumerate(effects):
@@ -300,6 +298,3 @@ def _lacking(
         missing = effect.missing(table) or missing_beside_columns(effect, table)
         if missing is not None:
             yield NotTestable(effect.id, missing.reason, missing.record)
-        elif constant:
-            name = constant[0]
-            yield NotTestable(effect.id, f"{name} is never excited", f"vary {name}")

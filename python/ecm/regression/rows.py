@@ -68,28 +68,24 @@ def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str])
         values = np.nan_to_num(table.column(name))
         if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * (known.shape[1] + 1):
             continue
-        left = _left_of_rounding(values, known)
+        found = _followed(values, known)
         # What follows from the pose alone may repeat as the pose does.
-        if left is not None and (
-            not _is_setting(values, left, known)
-            or _left_of_rounding(values, known[:, of_pose]) is not None
+        if found is not None and (
+            not _is_setting(values, known, *found)
+            or _followed(values, known[:, of_pose]) is not None
         ):
             derived.append(name)
     return tuple(derived)
 
 
-def _left_of_rounding(values: F, known: F) -> F | None:
-    """What a linear function of known columns leaves, where that is no more than rounding."""
-    design = _with_constant(known)
-    slope = lstsq(design, values, rcond=1e-12)
-    left: F = values - design @ slope
+def _followed(values: F, known: F) -> tuple[F, F] | None:
+    """Slopes of a linear function of known columns, and what it leaves; None beyond rounding."""
+    design = np.column_stack([np.ones(len(known)), known])
+    fitted = lstsq(design, values, rcond=1e-12)
+    slope, left = fitted[1:], values - design @ fitted
     roundings = np.array([_rounding(column) for column in known.T])
-    rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope[1:] * roundings)))
-    return left if left.var() < min(rounded**2, _DERIVED * values.var()) else None
-
-
-def _with_constant(known: F) -> F:
-    return np.column_stack([np.ones(len(known)), known])
+    rounded = float(np.hypot(_rounding(values), np.linalg.norm(slope * roundings)))
+    return (slope, left) if left.var() < min(rounded**2, _DERIVED * values.var()) else None
 
 
 def _rounding(values: F) -> float:
@@ -105,13 +101,13 @@ def _rounding(values: F) -> float:
     return max(0.5 * float(steps.min()), digits) if repeats and len(steps) else digits
 
 
-def _is_setting(values: F, left: F, known: F) -> bool:
+def _is_setting(values: F, known: F, slope: F, left: F) -> bool:
     """Whether a column has few values, on which it stays closer than rounding would bring it.
 
     A weight that is stated as the force, too, has no fewer values than that.
     """
     levels = np.unique(values)
-    share = np.abs(lstsq(_with_constant(known), values, rcond=1e-12)[1:]) * known.std(axis=0)
+    share = np.abs(slope) * known.std(axis=0)
     from_these = known[:, share > _TELLS * values.std()].T
     distinct = max((len(np.unique(column)) for column in from_these), default=0)
     if len(levels) > _FEW_LEVELS * distinct:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.settings import Checked, check_keys, read_sections, read_settings, setting
 from ecm.rig.hidden.truth import Hidden
 
@@ -345,6 +345,12 @@ class RigSettings(Checked):
         own, arm = procedure, dict[str, Any]()
         if isinstance(procedure, Mapping):
             own, arm = split_arm(procedure, where)
+        if "mover" in tables:
+            raise InputError(
+                f"{where}: this is the file of a real rig, for ecm measure; expected that of a "
+                f"simulated rig, with the tables {', '.join(TABLES)}",
+                remedy=Remedy("write one, with the noise and the times of yours", "ecm new rig"),
+            )
         check_keys(tables, TABLES, where)
         others = {"instrument": Instruments, "plant": PlantTable, "hidden": HiddenTable}
         settings = RigSettings(
