@@ -54,3 +54,21 @@ def test_another_law_is_that_or_its_family(seed: int) -> None:
 
 def test_without_memory_there_is_none() -> None:
     assert found("").verdict == "none"
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_thick_body_takes_the_temperature_on_later(seed: int) -> None:
+    """Its modulus follows the room after ten minutes: by what is recorded, not by time alone."""
+    random = np.random.default_rng([seed, 11])
+    poses, time = random_poses(random, 150), 30.0 * np.arange(150)
+    room = 22.0 + 3.0 * np.sin(time / 900.0) + 1.5 * np.sin(time / 300.0 + 1.0)
+    body = np.full(150, room[0])
+    for i in range(1, 150):
+        body[i] = body[i - 1] + (room[i] - body[i - 1]) * (1.0 - np.exp(-30.0 / 600.0))
+    wrench = tapered(poses) * (1.0 - 0.012 * (body - 22.0))[:, None]
+    wrench += random.normal(size=wrench.shape) * NOISE
+    recorded = {"time_s": time, "temperature_degC": room}
+    table = as_table(columns_of(poses, wrench) | recorded, meta=META)
+    said = diagnose(fit_model(table, "energy4-revolution"), table)
+    assert said.family is not None, said.sentence()
+    assert "the temperature of the body" in said.family.driver, said.sentence()

@@ -276,12 +276,13 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         # Along one loading curve a variable cannot be told from the pose.
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
-            functions = _cosines(values, count)
-            free = _free(problem, functions)
-            forms = tuple(
-                np.concatenate([free, factor], axis=2) for factor in _factors(problem, functions)
-            )
-            yield Driver(words, like, experiment, forms, column)
+            of_column: list[F] = []
+            for one in (values, *(_lagging(problem.rows, column) if column in _COLUMNS else ())):
+                functions = _cosines(one, count)
+                free = _free(problem, functions)
+                factors = _factors(problem, functions)
+                of_column += [np.concatenate([free, factor], axis=2) for factor in factors]
+            yield Driver(words, like, experiment, tuple(of_column), column)
     rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
     if np.ptp(rest) > 0.0:
         forms = _factors(problem, _cosines(rest, 3))
@@ -294,6 +295,16 @@ def _values(table: Table, column: str) -> F:
     if column == "row":
         return table.row_numbers.astype(np.float64)
     return np.nan_to_num(table.column(column)) if table.has(column) else np.zeros(len(table))
+
+
+def _lagging(rows: Rows, column: str) -> Iterator[F]:
+    """Yield (N,) a temperature as a body takes it on, by some time constants."""
+    whole = rows.whole
+    if column != "time_s" and whole.table.has("time_s"):
+        values = _values(whole.table, column)
+        for tau in time_constants(whole.table)[::_EVERY_TAU]:
+            ahead = hereditary(whole.table, values[:, None], tau)[:, 0]
+            yield rows.of_whole(values - ahead)
 
 
 def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
