@@ -104,9 +104,10 @@ class FittedEffect:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the part of a report: plain values."""
+        """Return the part of a report or of a model file: plain values."""
         parameters = {
-            one.name: {"value": value, "sd": sd, "unit": one.unit} for one, value, sd in self.listed
+            one.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": one.unit}
+            for one, value, sd in self.listed
         }
         return {"id": self.id, "shape": self.effect.shape, "parameters": parameters}
 
