@@ -413,13 +413,6 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
                 table[field.name] = value
         return table
 
-    def with_modulus(self, young_modulus_Pa: float) -> Mechanism:
-        """Return the same body with all moduli scaled to this Young's modulus at small strain."""
-        material = self.material
-        if material is not None:
-            material = material.scaled(young_modulus_Pa / material.young_modulus_Pa)
-        return replace(self, young_modulus_Pa=young_modulus_Pa, material=material)
-
     @property
     def has_body(self) -> bool:
         """Whether shape and stiffness are known, not only the length."""
