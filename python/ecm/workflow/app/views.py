@@ -239,11 +239,8 @@ def actuation(given: Given) -> dict[str, Any]:
 
 def log(given: Given) -> dict[str, Any]:
     """Return the columns of the first of the files that were dropped, for a person to name them."""
-    found = []
-    for column in list_columns(given.tables[0]):
-        own = {key: getattr(column, key) for key in ("name", "unit", "standard", "quantity")}
-        found.append({**own, "range": _short(np.array([column.low, column.high]))})
-    return {"columns": found}
+    found = list_columns(given.tables[0])
+    return {"columns": [{**own, "range": _short(np.array(own["range"]))} for own in found]}
 
 
 VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
