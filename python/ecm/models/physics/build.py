@@ -20,7 +20,7 @@ from ecm._native import Fem, Mesh, convert_stiffness
 from ecm.errors import ComputationError
 from ecm.io.arrays import B, F
 from ecm.io.cache import Stage
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import ROD_SECTIONS, Material, Mechanism
 from ecm.io.mesh import CAD_SUFFIXES
 from ecm.models.literature import RodMap
@@ -151,8 +151,7 @@ def build_family(
     for index, (s, x, at) in enumerate(bodies):
         solved.append(solved_at(index, s, x, at, (done, total)))
         done += len(at)
-    if progress is not None:
-        progress(total, total, "fitting")
+    tell_part(progress, total, total, "fitting")
     common = np.logical_and.reduce([body.ok for body in solved[:9]])
     if common.sum() < max(len(poses) // 2, _FEWEST_POSES):
         raise ComputationError(
@@ -221,8 +220,7 @@ def _solved(
     done, total = counts
 
     def report(count: int, _: int) -> None:
-        if progress is not None:
-            progress(done + count, total, "FEM poses")
+        tell_part(progress, done + count, total, "FEM poses")
 
     results = fem.solve_poses(poses, threads=threads, progress=report)
     ok = np.array([status == "solved" for status in results.status])
