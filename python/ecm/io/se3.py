@@ -42,8 +42,7 @@ def wrapped_rotation(vectors: F) -> F:
 
 def rotate(matrices: F, vectors: F) -> F:
     """(N, 3, 3) @ (N, 3) row by row."""
-    product: F = np.einsum("...ij,...j->...i", matrices, vectors)
-    return product
+    return np.asarray(np.einsum("...ij,...j->...i", matrices, vectors))
 
 
 def turn_wrench(matrices: F, wrenches: F) -> F:
@@ -98,8 +97,7 @@ def rigid_design(places: F) -> F:
 def nearest_rotation(matrix: F) -> F:
     """The rotation (3, 3) nearest to a matrix, by its singular vectors."""
     u, _, vt = np.linalg.svd(matrix)
-    nearest: F = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return nearest
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def wrench_adjoint(frame: tuple[float, ...] | None) -> F:
@@ -181,7 +179,7 @@ def residual_of_axyb(a: F, b: F, x: F, y: F) -> tuple[F, F]:
 
 def stepped(frame: F, step: F) -> F:
     """A frame (6,) shifted and turned by a step (6,), both in the axes that it is given in."""
-    return displaced(frame[None], step[None])[0]
+    return np.asarray(displaced(frame[None], step[None])[0])
 
 
 ORDERS = {"wxyz": "xyzw", "xyzw": "wxyz"}

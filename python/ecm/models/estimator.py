@@ -236,12 +236,11 @@ class ModelEstimator:
     def __sklearn_tags__(self) -> Any:
         """What scikit-learn asks for since its release 1.6."""
         sklearn = require("sklearn.utils", "learn", "ModelEstimator in scikit-learn")
-        tags = sklearn.Tags(
+        return sklearn.Tags(
             estimator_type="regressor",
             target_tags=sklearn.TargetTags(required=True, multi_output=True, single_output=False),
             regressor_tags=sklearn.RegressorTags(),
         )
-        return tags
 
 
 def _array(values: Any, name: str) -> F:

@@ -126,8 +126,8 @@ def mujoco(source: Source) -> Exported:
         "INPUTNAMES": "".join(f'"{name}_{column}", ' for column in source.actuators),
         "ACTUATORS": _inputs(source, poses),
     }
-    written: dict[str, str | bytes] = dict(source.code())
-    written |= {
+    written: dict[str, str | bytes] = {
+        **source.code(),
         f"{name}.xml": source.template("mujoco/linear.xml", values),
         f"{name}_plugin.cc": source.template("mujoco/plugin.cc", values),
         f"{name}_plugin.xml": source.template("mujoco/plugin.xml", values),
@@ -257,9 +257,8 @@ def opensim(source: Source) -> Exported:
         "ones); beyond the measured range they mean nothing. No state: effects of time stay out.",
     )
     step = f"opensim-cmd info @OUT@/{source.name}.osim, or open it in OpenSim; docs/export.md"
-    written: dict[str, str | bytes] = {}
-    written[f"{source.name}.osim"] = source.template("opensim/model.osim", values)
-    return Exported(written, notes, next_step=step, change=change)
+    file = source.template("opensim/model.osim", values)
+    return Exported({f"{source.name}.osim": file}, notes, next_step=step, change=change)
 
 
 def deflections(poses: F) -> tuple[F, F]:

@@ -258,17 +258,13 @@ def _pose_error(found: Any, held: I, row: I, *, known: bool) -> dict[str, Any] |
 
     `held` are the rows that have one.
     """
-    sizes = [
-        ("position", "mm", found.position_mm, found.noise_mm),
-        ("rotation", "deg", found.rotation_deg, found.noise_deg),
-    ]
-    sized = [item for item in sizes if item[2] is not None and len(found.row)]
-    if not sized:
+    sized = found.sizes
+    if not sized or not len(found.row):
         return None
     values = np.stack([values for _, _, values, _ in sized], axis=1)
     return {
-        "columns": [name for name, _, _, _ in sized],
-        "units": [unit for _, unit, _, _ in sized],
+        "columns": [name.partition("_")[0] for name, *_ in sized],
+        "units": [name.partition("_")[2] for name, *_ in sized],
         "values": _columns(_at_rows(values, held, row)),
         "floor": [floor for _, _, _, floor in sized] if known else None,
     }
