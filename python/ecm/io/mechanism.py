@@ -62,11 +62,7 @@ class Material:
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise InputError(f"material model = '{self.model}': {did_you_mean(self.model, MODELS)}")
-        own = MODELS[self.model]
-        check_keys(self.parameters, (*own, *COMMON), f"material '{self.model}'")
-        for name in own:
-            if name not in self.parameters:
-                raise InputError(f"material '{self.model}': the key '{name}' is missing")
+        check_keys(self.parameters, (*MODELS[self.model], *COMMON), f"material '{self.model}'")
         for name, value in self.parameters.items():
             for number in value if isinstance(value, (list, tuple)) else (value,):
                 if isinstance(number, bool) or not isinstance(number, (int, float)):
@@ -77,7 +73,8 @@ class Material:
         try:
             material_moduli(self.model, self.parameters)
         except FemError as error:
-            raise InputError(f"material '{self.model}': {error}") from None
+            said = str(error).removeprefix(f'material "{self.model}": ')
+            raise InputError(f"material '{self.model}': {said}") from None
 
     @staticmethod
     def from_dict(table: Mapping[str, Any]) -> Material:

@@ -585,11 +585,6 @@ def pose_error(
     noise
         Noise of the rows, for what it gives alone.
 
-    Raises
-    ------
-    InputError
-        If the errors do not have the table's rows and the model's components.
-
     Examples
     --------
     >>> import ecm
@@ -599,11 +594,6 @@ def pose_error(
     >>> pose_error(model, ecm.as_table(data), np.tile([0.3, 0.0], (9, 1))).axes
     ('y_m', 'theta_z_rad')
     """
-    if errors.shape != (len(table), len(model.outputs)):
-        raise InputError(
-            f"errors of shape {errors.shape}: expected {(len(table), len(model.outputs))}, a row "
-            f"for each of the table and a column for each of {', '.join(model.outputs)}"
-        )
     measured = np.flatnonzero(table.of_poses)
     numbers = table.numbers_in_file[measured]
     axes = _axes(model, table.select(measured))

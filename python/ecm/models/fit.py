@@ -148,9 +148,6 @@ def constrained(model: Model, *, zero_at_home: bool = False, stable: bool = Fals
 
 def _onto(rows: F, beta: F, covariance: F) -> tuple[F, F]:
     """Nearest beta with rows @ beta = 0, and its covariance."""
-    size = np.linalg.norm(rows, axis=1).max()
-    if size == 0.0:
-        return beta, covariance
     cross = covariance @ rows.T
     gain = cross @ np.linalg.pinv(rows @ cross, rcond=1e-12, hermitian=True)
     # Twice: the second step removes what rounding left.
