@@ -62,7 +62,11 @@ class Material:
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise InputError(f"material model = '{self.model}': {did_you_mean(self.model, MODELS)}")
-        check_keys(self.parameters, (*MODELS[self.model], *COMMON), f"material '{self.model}'")
+        own = MODELS[self.model]
+        check_keys(self.parameters, (*own, *COMMON), f"material '{self.model}'")
+        for name in own:
+            if name not in self.parameters:
+                raise InputError(f"material '{self.model}': the key '{name}' is missing")
         for name, value in self.parameters.items():
             for number in value if isinstance(value, (list, tuple)) else (value,):
                 if isinstance(number, bool) or not isinstance(number, (int, float)):
@@ -73,8 +77,7 @@ class Material:
         try:
             material_moduli(self.model, self.parameters)
         except FemError as error:
-            said = str(error).removeprefix(f'material "{self.model}": ')
-            raise InputError(f"material '{self.model}': {said}") from None
+            raise InputError(f"material '{self.model}': {error}") from None
 
     @staticmethod
     def from_dict(table: Mapping[str, Any]) -> Material:

@@ -442,9 +442,6 @@ def _fmu_inputs(source: Source) -> dict[str, float]:
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
     taken = taken_by(model.base)
-    for name in (*taken, *model.outputs):
-        if _unit(name) not in _UNITS:
-            raise InputError(f"--to fmu: column {name} has no unit of {', '.join(_UNITS)}")
     inputs = dict.fromkeys(taken, 0.0) | dict(zip(taken, map(float, start), strict=False))
     if source.has_state:
         reference = float(source.timed.document.get("reference_degc", 0.0))
