@@ -20,7 +20,7 @@ from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.refit import refit, refuse_worse
-from ecm.models.registry import effect_document, effect_of
+from ecm.models.registry import effect_of
 from support.acceptance import acceptance_check
 from support.campaigns import campaign, model, with_change
 from support.neck import Command
@@ -42,7 +42,7 @@ def test_the_factor_of_a_continuous_relaxation_is_no_share() -> None:
 
 def test_an_older_file_with_the_other_name_is_read() -> None:
     item = FittedEffect(StressRelaxation(5.0, "linear"), np.array([1.2]), np.array([0.1]))
-    document = effect_document(item)
+    document = item.to_dict() | {"frozen": False}
     stored = document["parameters"]["over_static"]
     older = effect_of({**document, "parameters": {"g": stored}})
     assert older.values == pytest.approx(item.values)

@@ -49,7 +49,8 @@ def test_a_yeoh_solid_without_higher_terms_is_neo_hookean() -> None:
 )
 def test_materials_scale_with_their_modulus(material: dict[str, object]) -> None:
     body = Mechanism.from_dict(NECK | {"material": material})
-    double = body.with_modulus(2.0 * body.young_modulus_Pa)
+    law = body.material and body.material.scaled(2.0)
+    double = replace(body, material=law, young_modulus_Pa=2.0 * body.young_modulus_Pa)
     poses = body.fem().solve_wrenches(WRENCH)
     assert poses.status == ["solved"]
     scaled = double.fem().solve_wrenches(2.0 * WRENCH)

@@ -55,7 +55,7 @@ def test_a_family_that_is_read_again_gives_the_bits_of_the_built_one(
 ) -> None:
     """A job that was interrupted goes on with the family of its cache: the same figures."""
     # Poses as they are drawn: to choose among many takes longer than all the rest.
-    drawn = workspace_poses(np.diag([2e4, 4e3, 4e3, 4.0, 16.0, 16.0]), 0.1034, 30, seed=1)
+    drawn = workspace_poses(np.diag([2e4, 4e3, 4e3, 4.0, 16.0, 16.0]), 30, seed=1)
     monkeypatch.setattr("ecm.models.physics.build.spread_poses", lambda *of, **options: drawn)
     built = build_family(shape_of(ROD), BuildSettings(poses=30, test_poses=8))
     read = PhysicsFamily.from_dict(plain(built))

@@ -151,7 +151,8 @@ class _Progress(threading.Thread):
         shown = False
         while not self._ended.wait(min(events.EVERY_S, max(0.0, due - now))):
             now = time.monotonic()
-            events.tell_progress(*self.at(now))
+            what, done, total, left_s = self.at(now)
+            events.tell(what=what, done=done, total=total or None, left_s=left_s or None)
             if now < due:
                 continue
             due = now + every_s

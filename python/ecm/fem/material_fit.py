@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, central_differences
-from ecm.io.events import Printed, Progress, Steps
+from ecm.io.events import Printed, Progress, Steps, tell_part
 from ecm.io.mechanism import MODELS, TESTS, WITH_TERMS, Material
 from ecm.io.settings import did_you_mean, read_text
 
@@ -306,8 +306,7 @@ def _minimise(misfit: Callable[[F], F], start: F, progress: Progress | None) -> 
     """Return the best least-squares result of several starts; None where no start is finite."""
     best: Any = None
     for i, shift in enumerate(_START_SHIFTS):
-        if progress is not None:
-            progress(i, len(_START_SHIFTS), f"start {i + 1} of {len(_START_SHIFTS)}")
+        tell_part(progress, i, len(_START_SHIFTS), f"start {i + 1} of {len(_START_SHIFTS)}")
         guess = start.copy()
         guess[-1] += shift
         with np.errstate(over="ignore", invalid="ignore"):

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.errors import InputError
 from ecm.io.arrays import B
 from ecm.io.settings import closest
 
@@ -68,7 +67,7 @@ _TEMPERATURES = {
     ("K", "kelvin"): (1.0, -273.15),
     ("degF", "F", "°F", "fahrenheit"): (5.0 / 9.0, -160.0 / 9.0),
 }
-_UNITS = {
+UNITS = {
     word: Unit(word, dimension, factor)
     for dimension, words in (
         ("length", _LENGTHS), ("angle", _ANGLES), ("force", _FORCES), ("torque", _TORQUES),
@@ -80,8 +79,7 @@ _UNITS = {
     for words, scale in _TEMPERATURES.items()
     for word in words
 }  # fmt: skip
-_LOWER = {word.lower(): unit for word, unit in reversed(_UNITS.items())}
-_SI = ("m", "rad", "N", "Nm", "s", "degC")
+_LOWER = {word.lower(): unit for word, unit in reversed(UNITS.items())}
 
 
 _OTHER = frozenset(
@@ -98,12 +96,12 @@ def find_unit(word: str) -> Unit | None:
     Case counts only where it tells units apart (mN and MN).
     """
     squeezed = re.sub(r"[\s.*·_^()\[\]-]", "", word)
-    return _UNITS.get(squeezed) or _LOWER.get(squeezed.lower())
+    return UNITS.get(squeezed) or _LOWER.get(squeezed.lower())
 
 
 def factor_of(word: str) -> float:
     """Return the SI value of one of a known unit: 0.001 of `N mm`."""
-    return _UNITS[word.replace(" ", "")].factor
+    return UNITS[word.replace(" ", "")].factor
 
 
 def is_other_unit(word: str) -> bool:
@@ -116,47 +114,6 @@ def is_other_unit(word: str) -> bool:
     """
     text = word.strip(" []()").lower()
     return find_unit(text) is None and (text in _OTHER or any(sign in text for sign in "/%²³"))
-
-
-def given_units(words: Sequence[str]) -> dict[str, Unit]:
-    """Return the unit of each dimension from words such as `mm`, `deg`, or `SI` for all.
-
-    Raises
-    ------
-    InputError
-        For an unknown word, or two units of one dimension.
-
-    Examples
-    --------
-    >>> given_units(["mm", "N mm"])["torque"].factor
-    0.001
-    """
-    found: list[Unit] = []
-    si = any(word.strip().upper() == "SI" for word in words)
-    for word in words:
-        if word.strip().upper() == "SI" or not word.strip():
-            continue
-        unit = find_unit(word)
-        if unit is None:
-            near = closest(word, _UNITS)
-            hint = f"did you mean '{near}'?" if near else "known are m, mm, deg, N, N mm, lbf, SI"
-            raise InputError(f"--units: '{word}' is no unit, {hint}")
-        found.append(unit)
-    of_each = one_of_each(found)
-    return {_UNITS[word].dimension: _UNITS[word] for word in _SI} | of_each if si else of_each
-
-
-def one_of_each(units: Iterable[Unit]) -> dict[str, Unit]:
-    """Return the given units by their dimension; an InputError for two of one dimension."""
-    found: dict[str, Unit] = {}
-    for unit in units:
-        first = found.setdefault(unit.dimension, unit)
-        if first.factor != unit.factor:
-            raise InputError(
-                f"--units: '{first.word}' and '{unit.word}' are both units of "
-                f"{unit.dimension}; give one, and --map NAME=COLUMN:UNIT for what differs"
-            )
-    return found
 
 
 _SAME_FACTOR = 0.1

@@ -21,7 +21,7 @@ from ecm.errors import InputError, Remedy, shortened
 from ecm.io.arrays import B, I
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE, is_standard
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.settings import IMPORT, read_text
 
 Cells = Sequence[Any] | NDArray[Any]
@@ -65,7 +65,8 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
     named = {name: _in_seconds(name, own) for name, own in named_columns(data, source).items()}
     for place, name in enumerate(named, 1):
-        if not name or not _can_be_written(name):
+        # A text file holds no NUL, and no half of a surrogate pair.
+        if not name or "\0" in name or name != name.encode(errors="ignore").decode():
             raise InputError(f"{source}: column {place} is called {name!r}; give it a name in text")
     for name, column in named.items():
         if column.ndim != 1:
@@ -135,11 +136,6 @@ def _in_seconds(name: str, values: NDArray[Any]) -> NDArray[Any]:
 def repeated_names(names: Sequence[str]) -> list[str]:
     """Return the names that are there more than once, sorted."""
     return sorted(name for name, count in Counter(names).items() if count > 1)
-
-
-def _can_be_written(name: str) -> bool:
-    """Whether a text file can hold the name: no NUL, no half of a surrogate pair."""
-    return "\0" not in name and name == name.encode(errors="ignore").decode()
 
 
 _SHOWN = 10
@@ -285,7 +281,7 @@ def _read(
     row = header[0] if header else next(_filled_lines(start, path=path), (0, None))[1]
     if row is None:
         raise InputError(f"{path}: the file is empty, expected a header row and rows of numbers.")
-    names = _names(header, path) if header else _numbered(row)
+    names = _names(header, path) if header else [f"column_{i}" for i in range(1, len(row) + 1)]
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         separators = "semicolons" if ";" in names[0] else "tabs"
         raise InputError(
@@ -402,11 +398,7 @@ class _Column:
         arrays = [block for block in self._blocks if isinstance(block, np.ndarray)]
         if arrays and len(arrays) == len(self._blocks):
             return np.concatenate(arrays)
-        return [cell for block in self._blocks for cell in _listed(block)]
-
-
-def _listed(block: NDArray[np.float64] | list[str]) -> list[Any]:
-    return block.tolist() if isinstance(block, np.ndarray) else block
+        return [cell for block in self._blocks for cell in block]
 
 
 def _finite_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
@@ -419,11 +411,7 @@ def _finite_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
     return numbers if np.isfinite(numbers).all() and "_" not in "".join(cells) else None
 
 
-def _numbered(cells: list[str]) -> tuple[str, ...]:
-    return tuple(f"column_{i + 1}" for i in range(len(cells)))
-
-
-def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
+def _names(header: list[list[str]], path: Path) -> list[str]:
     """Return the column names of a header of one or two rows, checked."""
     names = header[0] if len(header) == 1 else grouped_names(*header)
     check_names(names, str(path))
@@ -444,7 +432,7 @@ def _names(header: list[list[str]], path: Path) -> tuple[str, ...]:
             f"{path}: the column name '{repeated[0]}' is repeated (columns {', '.join(numbers)}), "
             "expected each name once. Rename one of them."
         )
-    return tuple(names)
+    return names
 
 
 def grouped_names(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
@@ -484,8 +472,7 @@ def write_csv(
     with atomic(path) as file:
         file.write(_lines([list(columns)]))
         for start in range(0, rows, _BLOCK):
-            if progress is not None:
-                progress(start, rows, "")
+            tell_part(progress, start, rows)
             block = slice(start, start + _BLOCK)
             cells = [_cells(name, column[block]) for name, column in columns.items()]
             file.write(_lines(zip(*cells, strict=True)))

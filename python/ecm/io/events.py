@@ -26,6 +26,19 @@ _MANY_PARTS = 20
 """From so many parts on, doing one of them before costs little."""
 
 
+def tell_part(progress: Progress | None, done: float, total: float, words: str = "") -> None:
+    """Tell how much of a work is done, where somebody waits.
+
+    Examples
+    --------
+    >>> tell_part(lambda *what: print(what), 1, 3, "maps")
+    (1, 3, 'maps')
+    >>> tell_part(None, 1, 3)
+    """
+    if progress is not None:
+        progress(done, total, words)
+
+
 class Steps:
     """Tells which step begins and how much of the work is done before it.
 
@@ -59,8 +72,7 @@ class Steps:
 
     def begin(self, name: str) -> None:
         """Tell that this step begins."""
-        if self._progress is not None:
-            self._progress(self._before(name), sum(self._shares.values()), name)
+        tell_part(self._progress, self._before(name), sum(self._shares.values()), name)
 
     def within(self, name: str) -> Progress | None:
         """Begin this step and return what tells its own parts; None: nobody waits."""
@@ -169,11 +181,6 @@ def with_words(
     ([(1, 2, 'solving')], None)
     """
     return progress and (lambda done, total: progress(done, total, words))
-
-
-def tell_progress(what: str, done: float, total: float, left_s: float) -> None:
-    """Tell how far a work is; a total or a time left of 0 is not known."""
-    tell(what=what, done=done, total=total or None, left_s=left_s or None)
 
 
 def last(told: bytes, name: str) -> dict[str, Any] | None:

@@ -437,13 +437,6 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
                 table[field.name] = value
         return table
 
-    def with_modulus(self, young_modulus_Pa: float) -> Mechanism:
-        """Return the same body with all moduli scaled to this Young's modulus at small strain."""
-        material = self.material
-        if material is not None:
-            material = material.scaled(young_modulus_Pa / material.young_modulus_Pa)
-        return replace(self, young_modulus_Pa=young_modulus_Pa, material=material)
-
     @property
     def has_body(self) -> bool:
         """Whether shape and stiffness are known, not only the length."""
@@ -562,7 +555,9 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         """Return EA, GA (shear-corrected), EI, GJ of a uniform rod, the arguments of `rod_poses`.
 
         An hourglass is taken at its mean radius, a mesh as the cylinder of its volume and length:
-        good enough to screen random wrenches, not to model.
+        good enough to screen random wrenches, not to model. The shear correction is Cowper's
+        (1966), with m = inner / outer radius:
+        k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2).
 
         Raises
         ------
@@ -585,7 +580,21 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
             inner = self.inner_radius_m
         elif "waist_radius_m" in _DIMENSIONS[self.builtin]:
             outer = 0.5 * (self.radius_m + self.waist_radius_m)
-        return ring_sections(outer, inner, self.young_modulus_Pa, self.poisson_ratio)
+        nu, young, ratio = self.poisson_ratio, self.young_modulus_Pa, (inner / outer) ** 2
+        full = (1.0 + ratio) ** 2
+        correction = (
+            6.0 * (1.0 + nu) * full / ((7.0 + 6.0 * nu) * full + (20.0 + 12.0 * nu) * ratio)
+        )
+        area = math.pi * (outer**2 - inner**2)
+        second_moment = math.pi * (outer**4 - inner**4) / 4.0
+        shear = young / (2.0 * (1.0 + nu))
+        stiffnesses = (
+            young * area,
+            correction * shear * area,
+            young * second_moment,
+            2.0 * shear * second_moment,
+        )
+        return dict(zip(ROD_SECTIONS, stiffnesses, strict=True))
 
     def key(self) -> str:
         """Return a hash of solver version, shape and material; of a mesh file its content."""
@@ -653,27 +662,3 @@ def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:
 def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
     quality = table.get("quality", "standard")
     return float(read_mesh(path, quality if quality in tuple(SIZES) else "standard").length_m)
-
-
-def ring_sections(
-    outer_radius_m: float, inner_radius_m: float, young_modulus_Pa: float, poisson_ratio: float
-) -> dict[str, float]:
-    """Return EA, GA, EI, GJ of a circular or annular cross-section.
-
-    The shear correction is Cowper's (1966), with m = inner / outer radius:
-    k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2).
-    """
-    nu = poisson_ratio
-    ratio = (inner_radius_m / outer_radius_m) ** 2
-    full = (1.0 + ratio) ** 2
-    correction = 6.0 * (1.0 + nu) * full / ((7.0 + 6.0 * nu) * full + (20.0 + 12.0 * nu) * ratio)
-    area = math.pi * (outer_radius_m**2 - inner_radius_m**2)
-    second_moment = math.pi * (outer_radius_m**4 - inner_radius_m**4) / 4.0
-    shear_modulus = young_modulus_Pa / (2.0 * (1.0 + nu))
-    stiffnesses = (
-        young_modulus_Pa * area,
-        correction * shear_modulus * area,
-        young_modulus_Pa * second_moment,
-        2.0 * shear_modulus * second_moment,
-    )
-    return dict(zip(ROD_SECTIONS, stiffnesses, strict=True))

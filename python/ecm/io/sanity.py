@@ -224,7 +224,8 @@ def never_excited(table: Table) -> tuple[str, ...]:
     """Return the pose and wrench columns that are constant over the measured poses."""
     measured = table.measured()
     names = (*measured.pose_columns, *measured.wrench_columns)
-    return tuple(name for name in names if _is_constant(measured.column(name)))
+    columns = {name: measured.column(name) for name in names}
+    return tuple(n for n, v in columns.items() if np.ptp(v) <= _STILL * np.max(np.abs(v)))
 
 
 def zero_columns(table: Table) -> tuple[str, ...]:
@@ -260,10 +261,6 @@ def excitation_sentences(names: Sequence[str]) -> list[str]:
         f"The {word_of[name]} ({name}) is never excited: nothing can be learnt about it."
         for name in names
     ]
-
-
-def _is_constant(values: F) -> bool:
-    return bool(np.ptp(values) <= _STILL * np.max(np.abs(values)))
 
 
 def doubts(table: Table, wrong: WrongConvention | None) -> list[str]:

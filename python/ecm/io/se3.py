@@ -42,8 +42,7 @@ def wrapped_rotation(vectors: F) -> F:
 
 def rotate(matrices: F, vectors: F) -> F:
     """(N, 3, 3) @ (N, 3) row by row."""
-    product: F = np.einsum("...ij,...j->...i", matrices, vectors)
-    return product
+    return np.asarray(np.einsum("...ij,...j->...i", matrices, vectors))
 
 
 def turn_wrench(matrices: F, wrenches: F) -> F:
@@ -98,15 +97,7 @@ def rigid_design(places: F) -> F:
 def nearest_rotation(matrix: F) -> F:
     """The rotation (3, 3) nearest to a matrix, by its singular vectors."""
     u, _, vt = np.linalg.svd(matrix)
-    nearest: F = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return nearest
-
-
-def from_quaternion(quaternion: tuple[float, ...]) -> F:
-    """(3, 3) rotation of a quaternion w x y z of any length."""
-    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
-    half = skew(np.array([x, y, z]))
-    return np.asarray(np.eye(3) + 2.0 * w * half + 2.0 * half @ half)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def wrench_adjoint(frame: tuple[float, ...] | None) -> F:
@@ -117,7 +108,7 @@ def wrench_adjoint(frame: tuple[float, ...] | None) -> F:
     """
     adjoint = np.eye(6)
     if frame is not None:
-        adjoint[:3, :3] = adjoint[3:, 3:] = turned = from_quaternion(frame[3:])
+        adjoint[:3, :3] = adjoint[3:, 3:] = turned = rotation(frame_pose(frame)[:, 3:])[0]
         adjoint[3:, :3] = skew(np.asarray(frame[:3])) @ turned
     return adjoint
 
@@ -188,8 +179,7 @@ def residual_of_axyb(a: F, b: F, x: F, y: F) -> tuple[F, F]:
 
 def stepped(frame: F, step: F) -> F:
     """A frame (6,) shifted and turned by a step (6,), both in the axes that it is given in."""
-    turned = rotation(step[None, 3:]) @ rotation(frame[None, 3:])
-    return np.concatenate([frame[:3] + step[:3], rotation_vector(turned)[0]])
+    return np.asarray(displaced(frame[None], step[None])[0])
 
 
 ORDERS = {"wxyz": "xyzw", "xyzw": "wxyz"}
@@ -350,8 +340,8 @@ def frame_pose(frame: tuple[float, ...] | None) -> F:
     """(1, 6) of position and quaternion w x y z; None: that of its own frame."""
     if frame is None:
         return _REST
-    turned = rotation_vector(from_quaternion(frame[3:])[None])
-    return np.concatenate([np.asarray(frame[:3], dtype=np.float64)[None], turned], axis=1)
+    place, quaternion = np.split(np.asarray(frame, dtype=np.float64)[None], [3], axis=1)
+    return np.concatenate([place, vectors_of(quaternion, "wxyz")], axis=1)
 
 
 def _wrench(

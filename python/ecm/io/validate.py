@@ -586,8 +586,7 @@ def _shifted_time(time: F, last: float | None, source: str, warnings: list[str])
         f"{source}: time_s begins before the end of the table before it; it is taken as a run that "
         "follows at once, in the order given (effects of time see no pause, and rest on that order)"
     )
-    shifted: F = time - time[0] + last + _step_s(time)
-    return shifted
+    return np.asarray(time - time[0] + last + _step_s(time))
 
 
 def _new_pose_ids(current: Columns, earlier: F) -> F:

@@ -21,7 +21,7 @@ from ecm.errors import InputError, shown
 from ecm.io.arrays import F
 from ecm.io.columns import is_other_unit
 from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.extras import read_parquet, readable, require
 from ecm.io.settings import OTHER_FILES
 from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, numbers_in_words, unique_names
@@ -116,8 +116,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
     names, units = _header(above, comments, sign, width)
 
     def told(rows: int) -> None:
-        if progress is not None:
-            progress(rows, len(kept) - begin, "")
+        tell_part(progress, rows, len(kept) - begin)
 
     def cells_of(lines: Iterable[str], before: int) -> Iterator[tuple[int, list[str]]]:
         for place, line in enumerate(lines, before + 1):

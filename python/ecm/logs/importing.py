@@ -440,48 +440,21 @@ def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog
     return ReadLog(reader(path), str(path), digest)
 
 
-@dataclass(frozen=True)
-class LogColumn:
-    """A column of numbers as a file has it.
-
-    Parameters
-    ----------
-    name
-        As in the file.
-    low, high
-        Range of its numbers, in the file's unit; NaN where there are none.
-    unit
-        The unit that the file states, by its word; empty where it states none.
-    standard
-        The standard column that its name tells; empty where it tells none, or several.
-    quantity
-        What its name tells all the same: position, rotation, euler, clinical, quaternion, matrix,
-        force, torque, time or temperature; empty where nothing.
-
-    Examples
-    --------
-    >>> first, second = list_columns({"x [mm]": [0.0, 1.0], "channel 7": [0.0, 2.0]})
-    >>> first.standard, first.unit, first.high
-    ('x_m', 'mm', 1.0)
-    >>> second.standard, second.unit
-    ('', '')
-    """
-
-    name: str
-    low: float
-    high: float
-    unit: str
-    standard: str
-    quantity: str
-
-
-def list_columns(log: Any) -> list[LogColumn]:
-    """Return the columns of a log in their order.
+def list_columns(log: Any) -> list[dict[str, Any]]:
+    """Return the columns of numbers of a log in their order, as plain values.
 
     Parameters
     ----------
     log
         As `import_log` takes it.
+
+    Returns
+    -------
+    list
+        `name` as in the file; `unit`: the word that the file states, else empty; `standard`: the
+        standard column that its name tells, empty where it tells none, or several; `quantity`: what
+        its name tells all the same (a key of `QUANTITIES`), or empty; `range` of its numbers in the
+        file's unit, NaN where there are none.
 
     Raises
     ------
@@ -490,8 +463,9 @@ def list_columns(log: Any) -> list[LogColumn]:
 
     Examples
     --------
-    >>> [column.name for column in list_columns({"a": [0.0, 1.0], "b": [1.0, 1.0]})]
-    ['a', 'b']
+    >>> first, second = list_columns({"x [mm]": [0.0, 1.0], "channel 7": [0.0, 2.0]})
+    >>> first["standard"], first["unit"], second["standard"], second["unit"]
+    ('x_m', 'mm', '', '')
     """
     raw, _, _ = read_log(log, ())
     found = []
@@ -499,11 +473,15 @@ def list_columns(log: Any) -> list[LogColumn]:
         named = read_name(name, raw.units.get(name, ""))
         standards = {guess.standard() for guess in named.guesses} - {None}
         known = values[np.isfinite(values)]
-        low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
-        unit = raw.units.get(name, "") if named.unit is None else named.unit.word
-        standard = str(*standards) if len(standards) == 1 else ""
-        quantity = named.guesses[0].quantity if named.guesses else ""
-        found.append(LogColumn(name, float(low), float(high), unit, standard, quantity))
+        found.append(
+            {
+                "name": name,
+                "unit": raw.units.get(name, "") if named.unit is None else named.unit.word,
+                "standard": str(*standards) if len(standards) == 1 else "",
+                "quantity": named.guesses[0].quantity if named.guesses else "",
+                "range": (known.min(), known.max()) if len(known) else (np.nan, np.nan),
+            }
+        )
     return found
 
 

@@ -10,6 +10,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta, timezone
 from typing import Any
@@ -75,7 +76,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     The number of rows is the length that most numbers share. Arrays of another length, and scalars,
     are left aside and noted. InputError where nothing has rows.
     """
-    parts = {name: _as_rows(_array(name, value, source)) for name, value in arrays.items()}
+    parts = {name: _array(name, value, source) for name, value in arrays.items()}
     rows = _row_count(list(parts.values()))
     if rows is None:
         raise InputError(
@@ -92,7 +93,11 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
         if own.ndim == 0 or len(own) != rows or np.prod(own.shape[1:]) > MOST_COMPONENTS:
             aside.append(f"{name} {value.shape}" if value.ndim else name)
         elif own.dtype.kind in "OUS" and own.ndim == 1:
-            _add_cells(name, own, columns, text, units, epochs)
+            found = _read_cells(own)
+            if found is None:
+                text[name] = np.array([str(cell) for cell in own], dtype=object)
+            else:
+                columns[name], units[name], epochs[name] = found
         elif own.dtype.kind in "Mm":
             begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
             columns[name], units[name] = (own - begin) / np.timedelta64(1, "s"), "s"
@@ -108,7 +113,8 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     if aside:
         shown = ", ".join(aside[:8]) + (", ..." if len(aside) > 8 else "")
         notes = (f"left aside, because they have not {rows} rows of numbers: {shown}",)
-    return Log(columns, text, units, notes, epochs)
+    stated = {name: unit for name, unit in units.items() if unit}
+    return Log(columns, text, stated, notes, epochs)
 
 
 def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
@@ -223,27 +229,16 @@ def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
 
 
 def _array(name: str, value: Any, source: str) -> NDArray[Any]:
+    """Arrays in the cells of a data frame as one; (1, N) and (N, 1), as of MATLAB, as (N,)."""
     try:
-        return _stacked(np.asarray(value))
+        array = np.asarray(value)
     except ValueError:
         raise InputError(f"{source}: '{name}' has rows of different lengths") from None
-
-
-def _stacked(cells: NDArray[Any]) -> NDArray[Any]:
-    """Return arrays in the cells of a data frame as one array; any other cells as they are."""
-    if cells.dtype != object or cells.ndim != 1 or len(cells) == 0:
-        return cells
-    try:
-        if np.ndim(cells[0]) == 0:
-            return cells
-        return np.stack([np.asarray(cell, dtype=np.float64) for cell in cells])
-    except (TypeError, ValueError):  # text, or of different lengths
-        return cells
-
-
-def _as_rows(value: NDArray[Any]) -> NDArray[Any]:
-    """Return (1, N) and (N, 1), as MATLAB writes vectors, as (N,)."""
-    return value.ravel() if value.ndim == 2 and 1 in value.shape else value
+    if array.dtype == object and array.ndim == 1 and len(array):
+        with suppress(TypeError, ValueError):  # text, or of different lengths
+            if np.ndim(array[0]):
+                array = np.stack([np.asarray(cell, dtype=np.float64) for cell in array])
+    return array.ravel() if array.ndim == 2 and 1 in array.shape else array
 
 
 def _transforms(value: NDArray[Any]) -> NDArray[Any]:
@@ -257,22 +252,12 @@ def _transforms(value: NDArray[Any]) -> NDArray[Any]:
     return value.transpose(0, 2, 1)[:, :3] if (seen[:, :, 3] == last).all() else value
 
 
-def _add_cells(
-    name: str,
-    cells: NDArray[Any],
-    columns: dict[str, F],
-    text: dict[str, NDArray[np.object_]],
-    units: dict[str, str],
-    epochs: dict[str, float],
-) -> None:
+def _read_cells(cells: NDArray[Any]) -> tuple[F, str, float] | None:
+    """As `numbers_in_words`; bare numbers have no unit."""
     try:
-        columns[name] = np.array([np.nan if c is None or c == "" else float(c) for c in cells])
+        return np.array([np.nan if c is None or c == "" else float(c) for c in cells]), "", 0.0
     except (TypeError, ValueError):
-        found = numbers_in_words(cells.tolist())
-        if found is None:
-            text[name] = np.array([str(cell) for cell in cells], dtype=object)
-        else:
-            columns[name], units[name], epochs[name] = found
+        return numbers_in_words(cells.tolist())
 
 
 _STAMP = re.compile(r"(.*)[._/](secs?)", re.IGNORECASE)

@@ -174,6 +174,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     told = {n.guesses[0].standard() for n in named.values() if len(n.guesses) == 1}
     poses = rotation is not None or any(name in POSE for name in choices.columns)
     needed = poses and any(name in WRENCH for name in choices.columns)
+    posed = rotation is not None or not {"position", "rotvec"}.isdisjoint(sure)
     notes: list[str] = []
     for name, own in named.items():
         if name in used:
@@ -194,10 +195,12 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
             continue
         if len(standards) > 1:
             first, second = sorted(standards)[:2]
+            # The time first, and of tx what the log lacks, a pose or a wrench.
+            likely = sorted(standards, key=lambda n: (n != "time_s", (n in POSE) == posed, n))
             raise Question(
                 f"{source}: column '{name}' may be {first} or {second}. Say which: "
                 f"--map {first}={name} or --map {second}={name}",
-                *(named_as(standard, name) for standard in _likely(standards, sure, rotation)),
+                *(named_as(standard, name) for standard in likely),
             )
         if doubtful:
             _ask_axis(name, guesses[0], source, sure)
@@ -243,14 +246,6 @@ def _twins(log: Log, found: Mapping[str, Source]) -> tuple[str, list[str]]:
         for one in stems
     }
     return stem, [one for one, own in inside.items() if one != stem and own == inside[stem]]
-
-
-def _likely(
-    standards: Collection[str], sure: Collection[str], rotation: RotationSource | None
-) -> list[str]:
-    """The likeliest first: the time, and of tx what the log lacks, a pose or a wrench."""
-    posed = rotation is not None or not {"position", "rotvec"}.isdisjoint(sure)
-    return sorted(standards, key=lambda name: (name != "time_s", (name in POSE) == posed, name))
 
 
 def _doubtful(guesses: Sequence[Guess], standards: set[str]) -> set[str]:

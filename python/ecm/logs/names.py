@@ -18,6 +18,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io import columns
 from ecm.io.columns import POSE, WRENCH, Unit, is_other_unit, is_standard
+from ecm.io.settings import closest
 from ecm.logs.log import Log
 
 
@@ -248,18 +249,42 @@ def is_no_reading(name: str) -> bool:
     return not _NOT_MEASURED.isdisjoint(_tokens(name))
 
 
+SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
+      "temperature": "degC", "pressure": "Pa", "volume": "m3"}  # fmt: skip
+
+
 def given_units(words: Sequence[str]) -> dict[str, Unit]:
-    """Return the unit of each dimension, as `ecm.io.columns.given_units`, also of chambers.
+    """Return the unit of each dimension from words such as `mm`, `bar`, or `SI` for all.
+
+    Raises
+    ------
+    InputError
+        For an unknown word, or two units of one dimension.
 
     Examples
     --------
-    >>> given_units(["mm", "bar"])["pressure"].factor
-    100000.0
+    >>> units = given_units(["mm", "N mm", "bar"])
+    >>> units["torque"].factor, units["pressure"].factor
+    (0.001, 100000.0)
     """
-    others = columns.given_units([word for word in words if _of_chambers(word) is None])
-    si = ("Pa", "m3") if any(word.strip().upper() == "SI" for word in words) else ()
-    standard, own = (list(filter(None, map(_of_chambers, some))) for some in (si, words))
-    return others | columns.one_of_each(standard) | columns.one_of_each(own)
+    usual: dict[str, Unit] = {}
+    stated: dict[str, Unit] = {}
+    for word in filter(None, (word.strip() for word in words)):
+        if word.upper() == "SI":
+            usual = {unit.dimension: unit for unit in filter(None, map(find_unit, SI.values()))}
+            continue
+        unit = find_unit(word)
+        if unit is None:
+            near = closest(word, columns.UNITS)
+            hint = f"did you mean '{near}'?" if near else "known are m, mm, deg, N, N mm, lbf, SI"
+            raise InputError(f"--units: '{word}' is no unit, {hint}")
+        first = stated.setdefault(unit.dimension, unit)
+        if first.factor != unit.factor:
+            raise InputError(
+                f"--units: '{first.word}' and '{unit.word}' are both units of "
+                f"{unit.dimension}; give one, and --map NAME=COLUMN:UNIT for what differs"
+            )
+    return usual | stated
 
 
 def read_name(name: str, unit_word: str = "") -> Named:
@@ -508,9 +533,10 @@ def missing(log: Log, named: Mapping[str, Named], found: Collection[str]) -> tup
             words.append(said)
         else:
             varying = [name for name, values in left.items() if _varies(values)]
-            # What has a unit of another kind is no example of this one.
-            varying = [n for n in varying if _may_be_worth(named[n])]
-            free = [name for name in varying if not _rises(left[name])] or varying
+            # Bare numbers and volts may stand for it; what has another unit is no example.
+            varying = [n for n in varying if (u := named[n].unit) is None or u.dimension == "other"]
+            # What always rises is a clock, or the number of a row.
+            free = [n for n in varying if not (np.diff(left[n]) > 0.0).all()] or varying
             if not free:
                 return ()
             turned = not taken.isdisjoint((*POSE[3:], *WRENCH[3:]))
@@ -566,16 +592,6 @@ def ranges(log: Log) -> str:
     return "\n".join(lines[:_MOST_LINES]) + ("\n  ..." if len(lines) > _MOST_LINES else "")
 
 
-def _may_be_worth(own: Named) -> bool:
-    """Whether a column without a fitting unit may stand for one: bare numbers, volts."""
-    return own.unit is None or own.unit.dimension == "other"
-
-
 def _varies(values: Any) -> bool:
     known = values[np.isfinite(values)]
     return len(known) > 1 and bool(np.ptp(known) > 0.0)
-
-
-def _rises(values: Any) -> bool:
-    """Whether each value is larger than the one before, as of a clock or the number of a row."""
-    return bool((np.diff(values) > 0.0).all())

@@ -39,6 +39,7 @@ from ecm.io.settings import did_you_mean
 from ecm.io.validate import is_unsorted
 from ecm.logs.log import Log
 from ecm.logs.names import (
+    SI,
     Answer,
     Named,
     Question,
@@ -196,8 +197,6 @@ def _shorter(values: F) -> F:
     return vectors
 
 
-_SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
-       "temperature": "degC", "pressure": "Pa", "volume": "m3"}  # fmt: skip
 _USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K",
           "pressure": "bar", "volume": "ml"}  # fmt: skip
 """The other likely unit, for the question."""
@@ -394,7 +393,7 @@ def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
     lines, words, worth = [], dict[str, str](), list[str]()
     for standard, column in without:
         dimension = _dimension(standard)
-        first, second = _SI[dimension], _USUAL[dimension]
+        first, second = SI[dimension], _USUAL[dimension]
         words[dimension] = second
         known = log.columns[column][np.isfinite(log.columns[column])]
         extent = f"{known.min():.4g} to {known.max():.4g}" if len(known) else "no numbers"

@@ -13,7 +13,7 @@ from ecm.effects import Effect, effects_of
 from ecm.effects.protocol import missing_beside_columns
 from ecm.io.columns import KINDS, POSE, TEXT, WRENCH, is_standard
 from ecm.io.conventions import WrongConvention
-from ecm.io.events import Printed, Progress, Steps, fields_json
+from ecm.io.events import Printed, Progress, Steps, fields_json, tell_part
 from ecm.io.extras import require
 from ecm.io.sanity import (
     SuspectRows,
@@ -293,8 +293,7 @@ def _lacking(
 ) -> Iterator[NotTestable]:
     """Yield the effects that the table cannot test, with reason and remedy."""
     for i, effect in enumerate(effects):
-        if progress is not None:
-            progress(i, len(effects), "")
+        tell_part(progress, i, len(effects))
         missing = effect.missing(table) or missing_beside_columns(effect, table)
         if missing is not None:
             yield NotTestable(effect.id, missing.reason, missing.record)

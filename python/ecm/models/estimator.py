@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -98,8 +98,6 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     array([[[2000.]]])
     """
     specification = _specification(model, parameters)
-    if weights not in get_args(Weights):
-        raise InputError(f"weights = {weights!r}: expected {', '.join(get_args(Weights))}")
     if weights != "auto" and not specification.weighted:
         raise InputError(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
@@ -238,12 +236,11 @@ class ModelEstimator:
     def __sklearn_tags__(self) -> Any:
         """What scikit-learn asks for since its release 1.6."""
         sklearn = require("sklearn.utils", "learn", "ModelEstimator in scikit-learn")
-        tags = sklearn.Tags(
+        return sklearn.Tags(
             estimator_type="regressor",
             target_tags=sklearn.TargetTags(required=True, multi_output=True, single_output=False),
             regressor_tags=sklearn.RegressorTags(),
         )
-        return tags
 
 
 def _array(values: Any, name: str) -> F:

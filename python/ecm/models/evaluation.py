@@ -514,15 +514,22 @@ class PoseError:
     """Standard deviation that the noise of a row alone gives, median over the rows."""
     noise_deg: float | None = None
 
+    @property
+    def sizes(self) -> list[tuple[str, str, F, float | None]]:
+        """Name, unit, (n,) numbers and noise: of the position and of the rotation, where known."""
+        both = (
+            ("position_mm", " mm", self.position_mm, self.noise_mm),
+            ("rotation_deg", "°", self.rotation_deg, self.noise_deg),
+        )
+        return [(name, unit, own, noise) for name, unit, own, noise in both if own is not None]
+
     def worst(self, count: int = _WORST) -> list[dict[str, Any]]:
         """Return the rows with the largest change, by position where there is one."""
-        by = self.position_mm if self.position_mm is not None else self.rotation_deg
-        if by is None:
-            return []
+        sizes = self.sizes
+        order = np.argsort(-sizes[0][2], kind="stable")[:count] if sizes else ()
         return [
-            {"row": int(self.row[i])}
-            | {name: float(values[i]) for name, values in self._sizes().items()}
-            for i in np.argsort(-by, kind="stable")[:count]
+            {"row": int(self.row[i])} | {name: float(own[i]) for name, _, own, _ in sizes}
+            for i in order
         ]
 
     def sentence(self) -> str:
@@ -540,33 +547,22 @@ class PoseError:
         if not len(self.row):
             return f"No pose error: {len(self.left_out)} {why}"
         held = [name for name in POSE if name not in self.axes]
-        text = f"As pose error: median {self._words(np.median)}, largest {self._words(np.max)}"
-        text += f"; noise alone gives {self._noise_words()}" * (self._noise_words() != "")
+        middle, largest = (
+            " and ".join(f"{of(own):.2g}{unit}" for _, unit, own, _ in self.sizes)
+            for of in (np.median, np.max)
+        )
+        noise = " and ".join(f"{n:.2g}{unit}" for _, unit, _, n in self.sizes if n is not None)
+        text = f"As pose error: median {middle}, largest {largest}"
+        text += f"; noise alone gives {noise}" if noise else ""
         text += f". Held as they are: {', '.join(held)}." if held else "."
         return text + (f" {len(self.left_out)} {why}" if len(self.left_out) else "")
 
-    def _words(self, of: Any) -> str:
-        return " and ".join(f"{of(v):.2g}{_UNITS[name]}" for name, v in self._sizes().items())
-
-    def _noise_words(self) -> str:
-        known = {" mm": self.noise_mm, "°": self.noise_deg}
-        return " and ".join(f"{v:.2g}{unit}" for unit, v in known.items() if v is not None)
-
-    def _sizes(self) -> dict[str, F]:
-        known = {"position_mm": self.position_mm, "rotation_deg": self.rotation_deg}
-        return {name: values for name, values in known.items() if values is not None}
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON: median, largest and noise, the worst rows, how many are left out."""
-        noise = {"position_mm": self.noise_mm, "rotation_deg": self.noise_deg}
         sizes = {
-            name: {
-                "median": float(np.median(values)),
-                "largest": float(values.max()),
-                "noise": noise[name],
-            }
-            for name, values in self._sizes().items()
-            if len(values)
+            name: {"median": float(np.median(own)), "largest": float(own.max()), "noise": noise}
+            for name, _, own, noise in self.sizes
+            if len(own)
         }
         return {
             "sentence": self.sentence(),
@@ -577,9 +573,6 @@ class PoseError:
             "rotation_deg": sizes.get("rotation_deg"),
             "worst_rows": self.worst(),
         }
-
-
-_UNITS = {"position_mm": " mm", "rotation_deg": "°"}
 
 
 def pose_error(
@@ -602,11 +595,6 @@ def pose_error(
     noise
         Noise of the rows, for what it gives alone.
 
-    Raises
-    ------
-    InputError
-        If the errors do not have the table's rows and the model's components.
-
     Examples
     --------
     >>> import ecm
@@ -616,11 +604,6 @@ def pose_error(
     >>> pose_error(model, ecm.as_table(data), np.tile([0.3, 0.0], (9, 1))).axes
     ('y_m', 'theta_z_rad')
     """
-    if errors.shape != (len(table), len(model.outputs)):
-        raise InputError(
-            f"errors of shape {errors.shape}: expected {(len(table), len(model.outputs))}, a row "
-            f"for each of the table and a column for each of {', '.join(model.outputs)}"
-        )
     measured = np.flatnonzero(table.of_poses)
     numbers = table.numbers_in_file[measured]
     axes = _axes(model, table.select(measured))

@@ -149,9 +149,6 @@ def constrained(model: Model, *, zero_at_home: bool = False, stable: bool = Fals
 
 def _onto(rows: F, beta: F, covariance: F) -> tuple[F, F]:
     """Nearest beta with rows @ beta = 0, and its covariance."""
-    size = np.linalg.norm(rows, axis=1).max()
-    if size == 0.0:
-        return beta, covariance
     cross = covariance @ rows.T
     gain = cross @ np.linalg.pinv(rows @ cross, rcond=1e-12, hermitian=True)
     # Twice: the second step removes what rounding left.
@@ -264,37 +261,34 @@ def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessM
     """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
     chosen = measured_part(fit_rows(measured, models[0]).base, measured)
-    least = _score(chosen, measured)
+    _, least = _share_and_score(chosen, measured)
     for model in models[1:]:
         try:
             base = measured_part(fit_rows(measured, model).base, measured)
         except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
-        share, score = _share(base, measured), _score(base, measured)
+        share, score = _share_and_score(base, measured)
         if score < (least if share < _HALF else _FAR_BETTER * least) and share < _MOST:
             chosen, least = base, score
     return chosen
 
 
-def _share(base: StiffnessMap, measured: Table) -> float:
-    """Coefficients that the columns see, over the readings that tell the form of a base.
+def _share_and_score(base: StiffnessMap, measured: Table) -> tuple[float, float]:
+    """Coefficients over readings, and the generalised cross-validation error of a base.
 
-    A repeat of a pose tells nothing more of it; a pure turn does no work at the forces.
-    """
-    seen = np.abs(base.columns(inputs_of(base, measured))).max(axis=(0, 1), initial=0.0) > 0.0
-    return int(seen.sum()) / (len(np.unique(repeat_cells(measured))) * len(base.outputs))
+    Coefficients that the columns see, and readings that tell the form: a repeat of a pose tells
+    nothing more of it; a pure turn does no work at the forces.
 
-
-def _score(base: StiffnessMap, measured: Table) -> float:
-    """Generalised cross-validation error, product over components: each has a noise of its own.
-
+    The error is a product over components: each has a noise of its own.
     A sum in their spread would hide what the small components tell: the noise of a stiff axis is a
     small share of its spread, that of a soft one a large share. A component that never varies has
     no error, whatever the rounding of its mean makes of it.
     """
     truth, poses = measured.matrix(base.outputs), inputs_of(base, measured)
-    rest = 1.0 - min(_share(base, measured), 0.999)
+    seen = np.abs(base.columns(poses)).max(axis=(0, 1), initial=0.0) > 0.0
+    share = int(seen.sum()) / (len(np.unique(repeat_cells(measured))) * len(base.outputs))
+    rest = 1.0 - min(share, 0.999)
     spread = np.ptp(truth, axis=0)
     squares = (truth - base.predict(poses)) ** 2
     least = (_EXACT * spread) ** 2
@@ -302,7 +296,7 @@ def _score(base: StiffnessMap, measured: Table) -> float:
     limit = beyond / middle * np.maximum(np.median(squares, axis=0), least)
     squares = np.maximum(np.minimum(squares, limit).mean(axis=0), least)
     logs = np.log(squares[spread > 1e-12])
-    return float(np.exp(logs.sum() / max(len(logs), 1))) / (rest * rest)
+    return share, float(np.exp(logs.sum() / max(len(logs), 1))) / (rest * rest)
 
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:

@@ -104,9 +104,10 @@ class FittedEffect:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the part of a report: plain values."""
+        """Return the part of a report or of a model file: plain values."""
         parameters = {
-            one.name: {"value": value, "sd": sd, "unit": one.unit} for one, value, sd in self.listed
+            one.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": one.unit}
+            for one, value, sd in self.listed
         }
         return {"id": self.id, "shape": self.effect.shape, "parameters": parameters}
 
@@ -198,7 +199,10 @@ def joint_fit(
     rows = Rows(table, base, dict(kept))
     root = None if row_weights is None else np.sqrt(row_weights)
     whitener = whiteners(noise.covariance(rows, base.error))
-    priors = _priors_of(base, prior, at.free_base)
+    priors = [] if prior is None else [prior]
+    if base.prior is not None and at.free_base:
+        mean, sd = base.prior
+        priors.append(CoefficientPrior(mean, np.diag(1.0 / sd)[np.isfinite(sd)], "stated"))
     data = _Data(table.matrix(base.outputs), whitener, root, priors, kept)
     here = data.linearised(at, rows)
     converged, iteration = False, 0
@@ -442,17 +446,6 @@ class _At:
             [np.zeros((k, free_base)), null @ np.linalg.pinv(own) / scale], axis=1
         )
         return np.asarray(np.eye(k) - onto)
-
-
-def _priors_of(
-    base: StiffnessMap, prior: CoefficientPrior | None, free_base: int
-) -> list[CoefficientPrior]:
-    """What the map knows of its own coefficients, and what is given beside it."""
-    priors = [] if prior is None else [prior]
-    if base.prior is not None and free_base:
-        mean, sd = base.prior
-        priors.append(CoefficientPrior(mean, np.diag(1.0 / sd)[np.isfinite(sd)], "stated"))
-    return priors
 
 
 def _with_priors(

@@ -272,6 +272,8 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
         A value has another type, shape or range; the message names its place.
     """
     n, m = len(document["inputs"]), len(document["outputs"])
+    own = document.get("parameters")
+    actuators = own.get("actuators", []) if isinstance(own, dict) else []
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
     of_components = isinstance(noise, dict) and "components" in noise
@@ -281,7 +283,7 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
             "noise": residual if of_components else _NOISE,
             "effects": items(_EFFECT),
             "covariance": anything,
-            "training": _training(n, m, n + len(_actuators(document))),
+            "training": _training(n, m, n + len(actuators)),
             "domain": _domain(document["inputs"]),
         },
         {
@@ -294,11 +296,6 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
         others=True,
     )(document, "")
     _check_covariance(document, count)
-
-
-def _actuators(document: Mapping[str, Any]) -> list[str]:
-    parameters = document.get("parameters")
-    return parameters.get("actuators", []) if isinstance(parameters, dict) else []
 
 
 def _check_covariance(document: Mapping[str, Any], count: int) -> None:

@@ -27,7 +27,7 @@ from ecm.effects.rod import wrench_of
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.events import Progress, after_a_part
+from ecm.io.events import Progress, after_a_part, tell_part
 from ecm.io.extras import require
 from ecm.io.mechanism import ROD_SECTIONS
 from ecm.io.table import Table
@@ -594,10 +594,8 @@ def fit_rod(poses: F, wrenches: F, length: float, progress: Progress | None = No
 
     def left(at: F) -> F:
         nonlocal solved
-        if progress is not None:
-            progress(
-                min(solved, most), most, f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}"
-            )
+        words = f"step {solved // 9 + 1} of at most {_FIT_ITERATIONS}"
+        tell_part(progress, min(solved, most), most, words)
         solved += 1
         errors = (poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale
         # A pose that the rod does not take errs by the whole length, or by a radian.

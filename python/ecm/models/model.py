@@ -16,8 +16,10 @@ from ecm.errors import EcmError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, behind
+from ecm.io.description import Scene
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
+from ecm.io.settings import read_settings
 from ecm.io.table import Table, TableLike, as_table, takes_table
 from ecm.models import registry
 from ecm.models.controller import Controller
@@ -400,7 +402,10 @@ class Model(Shown, EvaluatedModel):
             "scene": asdict(self.scene),
             **registry.covariance_document(self.covariance, self.base),
             "noise": self.noise.to_dict(),
-            "effects": [registry.effect_document(item) for item in self.effects],
+            "effects": [
+                {**item.to_dict(), "side": item.effect.side, "frozen": item.frozen}
+                for item in self.effects
+            ],
             "base_frozen": self.base_frozen,
             "correlations": [list(pair) for pair in self.correlations],
             "domain": {name: list(pair) for name, pair in self.domain.items()},
@@ -614,29 +619,21 @@ def load_model(path: str | Path) -> Model:
     check_arguments(load_model, locals())
     document = registry.read_document(path)
     try:
-        base = map_from_document(document)
-    except (EcmError, KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(
-            f"{path}: the model file lacks or misstates {error}; fit the model again"
-        ) from None
-    try:
         return Model(
-            base=base,
+            base=map_from_document(document),
             noise=Noise.from_dict(dict(document["noise"])),
             effects=tuple(registry.effect_of(item) for item in document["effects"]),
             covariance=registry.covariance_of(document),
             training=dict(document["training"]),
             length_m=document["length_m"],
-            scene=registry.scene_of(document.get("scene", {})),
+            scene=read_settings(Scene, document.get("scene", {}), "scene"),
             domain=_ranges(document["domain"]),
             conditions=_ranges(document.get("conditions", {})),
             base_frozen=bool(document.get("base_frozen", False)),
             correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
             history=tuple(FitRecord(**step) for step in document.get("history", ())),
         )
-    except EcmError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (EcmError, KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(
-            f"{path}: the model file lacks or misstates {error}; fit the model again"
+            f"{path}: the model file lacks or misstates a value: {error}; fit the model again"
         ) from None

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.settings import check_keys
 from ecm.io.table import Table
 from ecm.models.joint_fit import covariance_of, declared_or_fitted, spread_noise, unit_products
@@ -236,8 +236,7 @@ def fit_parameters(base: Any, table: Table, progress: Progress | None = None) ->
         return FittedMap(base, declared_or_fitted(base, table))
     noise, fitted, jacobian, squares = spread_noise(measured), base, np.zeros((0, 0)), 0.0
     for i in range(_WEIGHTINGS):
-        if progress is not None:
-            progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
+        tell_part(progress, i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
         whitener = whiteners(noise.covariance(Rows(table, fitted), fitted.error))
         fitted, jacobian, squares = _least_squares(fitted, poses, measured, whitener)
         noise = declared_or_fitted(fitted, table)

@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.table import Table
 from ecm.models.joint_fit import declared_or_fitted, joint_fit, spread_noise, unit_products
 from ecm.models.maps import FittedMap, MapDefaults, StiffnessMap, partial_to
@@ -183,8 +183,7 @@ def fit_measured(
         )
     noise = declared_or_fitted(joint.base, table)
     for i in range(0 if spread else _WEIGHTINGS):
-        if progress is not None:
-            progress(i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
+        tell_part(progress, i, _WEIGHTINGS, f"weighting {i + 1} of {_WEIGHTINGS}")
         joint = joint_fit(joint.base, (), table, noise)
         noise = declared_or_fitted(joint.base, table)
     unseen = _unseen(joint.design.reshape(measured.size, -1))

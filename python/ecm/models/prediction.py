@@ -15,7 +15,7 @@ import numpy as np
 from ecm._native import convert_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.se3 import skew
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.maps import StiffnessKind
@@ -147,8 +147,7 @@ def predict(
     whole = model.readings(table) if model.effects else None
     parts = []
     for start in range(0, len(poses), _ROWS):
-        if progress is not None:
-            progress(start, len(poses), "")
+        tell_part(progress, start, len(poses))
         block = slice(start, start + _ROWS)
         wrench = model.predict(poses[block]) if whole is None else whole[block]
         parts.append(_columns(model, poses[block], wrench, stiffness, leverage))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from ecm.effects import with_shape
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of, write_atomically
-from ecm.io.description import Scene
 from ecm.io.settings import read_text
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedModel
@@ -148,11 +147,7 @@ def was_trained_on(training: Mapping[str, Any], table: Table) -> bool:
     # A hash reads every number: only where there are as many rows as the fit had.
     if known is None or training.get("rows") not in (None, len(table)):
         return False
-    if known == training_of(table)["hash"]:
-        return True
-    # Model files of before 0.1.0 hashed the columns as lists.
-    lists = {name: np.asarray(values).tolist() for name, values in table.columns.items()}
-    return bool(known == hash_of(lists, ""))
+    return bool(known == training_of(table)["hash"])
 
 
 CONDITIONS = ("temperature_degC", "time_s")
@@ -232,35 +227,16 @@ def covariance_of(document: dict[str, Any]) -> F | None:
     if document["covariance"] is None:
         if document.get("covariance_sd") is None:
             return None
-        return _from_correlations(document)
+        sd = np.asarray(document["covariance_sd"], dtype=np.float64)
+        correlation = np.eye(len(sd))
+        for i, row in enumerate(document["covariance_correlation"], 1):
+            correlation[i, :i] = correlation[:i, i] = row
+        return np.asarray(correlation * np.outer(sd, sd))
     covariance = np.asarray(document["covariance"], dtype=np.float64)
     outputs = document.get("covariance_of_outputs")
     if outputs is None:
         return covariance
     return np.asarray(np.kron(np.asarray(outputs, dtype=np.float64), covariance))
-
-
-def _from_correlations(document: dict[str, Any]) -> F:
-    """(k, k) from deviations and the lower triangle of correlations."""
-    sd = np.asarray(document["covariance_sd"], dtype=np.float64)
-    correlation = np.eye(len(sd))
-    for i, row in enumerate(document["covariance_correlation"], 1):
-        correlation[i, :i] = correlation[:i, i] = row
-    return np.asarray(correlation * np.outer(sd, sd))
-
-
-def effect_document(item: FittedEffect) -> dict[str, Any]:
-    """An effect with its values for a model file."""
-    return {
-        "id": item.id,
-        "side": item.effect.side,
-        "shape": item.effect.shape,
-        "frozen": item.frozen,
-        "parameters": {
-            p.name: {"value": value, "sd": sd if np.isfinite(sd) else None, "unit": p.unit}
-            for p, value, sd in item.listed
-        },
-    }
 
 
 def write_document(document: dict[str, Any], path: str | Path) -> None:
@@ -275,13 +251,6 @@ def read_document(path: str | Path) -> dict[str, Any]:
         return open_model(text)
     except ModelError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def scene_of(document: dict[str, Any]) -> Scene:
-    """The scene of a model file, with defaults for keys that older files lack."""
-    known = {**asdict(Scene()), **document}
-    gravity = [float(g) for g in known["gravity_m_s2"]]
-    return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
 
 
 def effect_of(document: dict[str, Any]) -> FittedEffect:

@@ -18,7 +18,7 @@ from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.events import Printed, Progress
+from ecm.io.events import Printed, Progress, tell_part
 from ecm.io.extras import require
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -317,8 +317,7 @@ def choose_model(
         squares, size = [], 0
         try:
             for part in range(parts):
-                if progress is not None:
-                    progress(place * parts + part, len(listed) * parts, candidate.title)
+                tell_part(progress, place * parts + part, len(listed) * parts, candidate.title)
                 split = np.flatnonzero(fold != part), np.flatnonzero(fold == part)
                 square, size = _square(candidate, measured, *split, whitener)
                 squares.append(square)
@@ -479,8 +478,7 @@ def learning_curve(
         test = np.flatnonzero(np.isin(groups, order[:tests]))
         for s, n in enumerate(usable):
             rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
-            if progress is not None:
-                progress(steps, draws * sum(usable), f"{n} poses")
+            tell_part(progress, steps, draws * sum(usable), f"{n} poses")
             steps += n
             try:
                 square, _ = _square(specification, measured, rows, test, whitener)

@@ -134,9 +134,11 @@ def _beside(
     step: str | None = None,
 ) -> Exported:
     source.need_whole(target)
-    written: dict[str, str | bytes] = dict(source.code())
-    written[f"{source.name}_model.py"] = source.template("python/model.py.txt")
-    written[path] = source.template(f"{target}/{template}", values)
+    written: dict[str, str | bytes] = {
+        **source.code(),
+        f"{source.name}_model.py": source.template("python/model.py.txt"),
+        path: source.template(f"{target}/{template}", values),
+    }
     step = step or f"PYTHONPATH=@OUT@ python -c 'import {path[:-3]}'"
     return Exported(written, next_step=step)
 
@@ -145,15 +147,12 @@ def simulink(source: Source) -> Exported:
     """NAME.c and NAME.h for a C Caller block, NAME_sfun.c, NAME_mex.c."""
     source.need_whole("simulink")
     name = source.name
-    written: dict[str, str | bytes] = dict(source.code())
-    written |= {
-        f"{name}_{kind}.c": source.template(f"simulink/{kind}.c") for kind in ("sfun", "mex")
-    }
+    own = {f"{name}_{kind}.c": source.template(f"simulink/{kind}.c") for kind in ("sfun", "mex")}
     step = (
         f"in MATLAB, in @OUT@: mex {name}_sfun.c {name}.c   "
         f"(Octave: mkoctfile --mex {name}_mex.c {name}.c)"
     )
-    return Exported(written, next_step=step)
+    return Exported({**source.code(), **own}, next_step=step)
 
 
 _LOOP = tuple(one.name for one in fields(LoopSettings))

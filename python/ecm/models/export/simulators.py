@@ -126,8 +126,8 @@ def mujoco(source: Source) -> Exported:
         "INPUTNAMES": "".join(f'"{name}_{column}", ' for column in source.actuators),
         "ACTUATORS": _inputs(source, poses),
     }
-    written: dict[str, str | bytes] = dict(source.code())
-    written |= {
+    written: dict[str, str | bytes] = {
+        **source.code(),
         f"{name}.xml": source.template("mujoco/linear.xml", values),
         f"{name}_plugin.cc": source.template("mujoco/plugin.cc", values),
         f"{name}_plugin.xml": source.template("mujoco/plugin.xml", values),
@@ -257,9 +257,8 @@ def opensim(source: Source) -> Exported:
         "ones); beyond the measured range they mean nothing. No state: effects of time stay out.",
     )
     step = f"opensim-cmd info @OUT@/{source.name}.osim, or open it in OpenSim; docs/export.md"
-    written: dict[str, str | bytes] = {}
-    written[f"{source.name}.osim"] = source.template("opensim/model.osim", values)
-    return Exported(written, notes, next_step=step, change=change)
+    file = source.template("opensim/model.osim", values)
+    return Exported({f"{source.name}.osim": file}, notes, next_step=step, change=change)
 
 
 def deflections(poses: F) -> tuple[F, F]:
@@ -443,9 +442,6 @@ def _fmu_inputs(source: Source) -> dict[str, float]:
     else:
         start = np.array([0.5 * sum(model.domain.get(name, (0.0, 0.0))) for name in model.inputs])
     taken = taken_by(model.base)
-    for name in (*taken, *model.outputs):
-        if _unit(name) not in _UNITS:
-            raise InputError(f"--to fmu: column {name} has no unit of {', '.join(_UNITS)}")
     inputs = dict.fromkeys(taken, 0.0) | dict(zip(taken, map(float, start), strict=False))
     if source.has_state:
         reference = float(source.timed.document.get("reference_degc", 0.0))

@@ -20,7 +20,7 @@ from ecm._native import Fem, Mesh, convert_stiffness
 from ecm.errors import ComputationError
 from ecm.io.arrays import B, F
 from ecm.io.cache import Stage
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import ROD_SECTIONS, Material, Mechanism
 from ecm.io.mesh import CAD_SUFFIXES
 from ecm.models.literature import RodMap
@@ -64,7 +64,7 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
     Ratios are rounded to twelve digits, so that a body and its scaled copy are the same shape.
     """
     if mechanism.builtin == "rod":
-        return scaled_rod(stated_rod(mechanism), LENGTH_M, SHEAR_MODULUS_PA)
+        return scaled_rod(stated_rod(mechanism))
     length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
     nu = mechanism.poisson_ratio
     across = {
@@ -116,7 +116,6 @@ def build_family(
     wide = limit > ROTATION_LIMIT_RAD
     poses = spread_poses(
         rest,
-        LENGTH_M,
         settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1),
         seed=settings.seed,
         threads=threads,
@@ -139,7 +138,6 @@ def build_family(
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
         rest,
-        LENGTH_M,
         settings.test_poses,
         seed=settings.seed + 1,
         margin=1.0,
@@ -153,8 +151,7 @@ def build_family(
     for index, (s, x, at) in enumerate(bodies):
         solved.append(solved_at(index, s, x, at, (done, total)))
         done += len(at)
-    if progress is not None:
-        progress(total, total, "fitting")
+    tell_part(progress, total, total, "fitting")
     common = np.logical_and.reduce([body.ok for body in solved[:9]])
     if common.sum() < max(len(poses) // 2, _FEWEST_POSES):
         raise ComputationError(
@@ -200,7 +197,7 @@ def mesh_difference(
     s = compressibility(shape.poisson_ratio)
     standard, fine = (_Bodies(replace(shape, quality=quality)) for quality in ("standard", "fine"))
     rest = standard.fem(s, 0.0).rest_stiffness()
-    poses = workspace_poses(rest, LENGTH_M, _MESH_POSES, seed=_MESH_SEED)
+    poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED)
     solved = [
         _solved(body.fem(s, 0.0), poses, threads, progress, (done, 2 * len(poses)))
         for body, done in ((standard, 0), (fine, len(poses)))
@@ -223,8 +220,7 @@ def _solved(
     done, total = counts
 
     def report(count: int, _: int) -> None:
-        if progress is not None:
-            progress(done + count, total, "FEM poses")
+        tell_part(progress, done + count, total, "FEM poses")
 
     results = fem.solve_poses(poses, threads=threads, progress=report)
     ok = np.array([status == "solved" for status in results.status])
@@ -313,10 +309,10 @@ def stated_rod(mechanism: Mechanism) -> Mechanism:
     return replace(mechanism, material=None, **known)
 
 
-def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mechanism:
-    """The same shape at another length and shear modulus; twelve digits, so that copies agree."""
-    longer = length_m / rod.length_m
-    stiffer = shear_modulus_Pa / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
+def scaled_rod(rod: Mechanism) -> Mechanism:
+    """The shape at the neck's length and shear modulus; twelve digits, so that copies agree."""
+    longer = LENGTH_M / rod.length_m
+    stiffer = SHEAR_MODULUS_PA / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
     # A rod of the same shape is thicker by the factor by which it is longer.
     sections: dict[str, Any] = {
         name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
@@ -324,9 +320,9 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
     }
     return replace(
         rod,
-        length_m=length_m,
+        length_m=LENGTH_M,
         radius_m=float(f"{rod.radius_m * longer:.12g}"),
-        young_modulus_Pa=2.0 * shear_modulus_Pa * (1.0 + rod.poisson_ratio),
+        young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + rod.poisson_ratio),
         density_kg_m3=0.0,
         free_length_m=0.0,
         **sections,

@@ -15,7 +15,7 @@ import numpy as np
 from ecm.effects.protocol import correction_of, jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, svd
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
@@ -114,8 +114,7 @@ def refit_physics(
     used = declared_noise(table) if noise is None else noise
     found = FittedMap(base, used)
     for i in range(_REWEIGHTINGS + 1):
-        if progress is not None:
-            progress(i, _REWEIGHTINGS + 1, f"weighting {i} of at most {_REWEIGHTINGS}")
+        tell_part(progress, i, _REWEIGHTINGS + 1, f"weighting {i} of at most {_REWEIGHTINGS}")
         before = found.base.coefficients
         joint = joint_fit(found.base, (), measured, used)
         found = FittedMap(joint.base, used, joint.covariance)

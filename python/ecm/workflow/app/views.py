@@ -239,11 +239,8 @@ def actuation(given: Given) -> dict[str, Any]:
 
 def log(given: Given) -> dict[str, Any]:
     """Return the columns of the first of the files that were dropped, for a person to name them."""
-    found = []
-    for column in list_columns(given.tables[0]):
-        own = {key: getattr(column, key) for key in ("name", "unit", "standard", "quantity")}
-        found.append({**own, "range": _short(np.array([column.low, column.high]))})
-    return {"columns": found}
+    found = list_columns(given.tables[0])
+    return {"columns": [{**own, "range": _short(np.array(own["range"]))} for own in found]}
 
 
 VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
@@ -261,17 +258,13 @@ def _pose_error(found: Any, held: I, row: I, *, known: bool) -> dict[str, Any] |
 
     `held` are the rows that have one.
     """
-    sizes = [
-        ("position", "mm", found.position_mm, found.noise_mm),
-        ("rotation", "deg", found.rotation_deg, found.noise_deg),
-    ]
-    sized = [item for item in sizes if item[2] is not None and len(found.row)]
-    if not sized:
+    sized = found.sizes
+    if not sized or not len(found.row):
         return None
     values = np.stack([values for _, _, values, _ in sized], axis=1)
     return {
-        "columns": [name for name, _, _, _ in sized],
-        "units": [unit for _, unit, _, _ in sized],
+        "columns": [name.partition("_")[0] for name, *_ in sized],
+        "units": [name.partition("_")[2] for name, *_ in sized],
         "values": _columns(_at_rows(values, held, row)),
         "floor": [floor for _, _, _, floor in sized] if known else None,
     }
