@@ -137,3 +137,9 @@ def test_one_pose_is_refused_as_many_are(name: str, pose: np.ndarray, says: str)
     for call in (model.predict, model.stiffness, model.wrench_and_stiffness):
         with pytest.raises(EcmError, match=says):
             call(pose)
+
+
+def test_poses_that_lie_column_by_column_are_read_as_such() -> None:
+    """Below the door too, where no layer makes them contiguous."""
+    model = energy().model
+    assert np.array_equal(model.predict(np.asfortranarray(POSES)), model.predict(POSES))

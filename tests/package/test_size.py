@@ -9,17 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_436, 201),
+    "python/ecm": (42_439, 201),
     "benches": (5_919, 51),
     "examples": (1_516, 13),
-    "tests": (32_668, 231),
-    "crates": (34_188, 197),
+    "tests": (32_922, 234),
+    "crates": (34_192, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: answers
-of a driver that come late are told apart, a stop outlives a cut connection, columns and units of
-other programs' logs are read, few columns have a noise that grows with the load, and the estimator
-stands in a file of its own (385 in the package, 51 in the tests, 5 in the benches; 162 fewer in
-the crates)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
+without symmetry, the memory of earlier moves, tendons that would push, inputs that nothing tells
+about, meshes whose elements stand twice, and models that are copied have tests of their own (148 in
+the package, of which 145 were taken from readers and models, and 254 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -31,9 +31,11 @@ fn error(error: ecm_poly::ModelError) -> PyErr {
 /// Row-major numbers of an array, borrowed where they already lie so.
 fn numbers<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> (Cow<'a, [f64]>, usize, usize) {
     let shape = array.shape();
+    let view = array.as_array();
     let flat = match array.as_slice() {
-        Ok(slice) => Cow::Borrowed(slice),
-        Err(_) => Cow::Owned(array.as_array().iter().copied().collect()),
+        // A slice of columns that lie one after another is one as well.
+        Ok(slice) if view.is_standard_layout() => Cow::Borrowed(slice),
+        _ => Cow::Owned(view.iter().copied().collect()),
     };
     (flat, shape[0], shape[1])
 }
@@ -41,7 +43,9 @@ fn numbers<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> (Cow<'a, [f64]>, usize, 
 /// Poses of an (N, 6) array, borrowed where they lie row by row.
 fn poses_of<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<Cow<'a, [[f64; 6]]>> {
     match array.as_slice() {
-        Ok(slice) if array.shape()[1] == 6 => Ok(Cow::Borrowed(slice.as_chunks().0)),
+        Ok(slice) if array.shape()[1] == 6 && array.as_array().is_standard_layout() => {
+            Ok(Cow::Borrowed(slice.as_chunks().0))
+        }
         _ => rows::<6>("poses", array).map(Cow::Owned),
     }
 }
