@@ -60,10 +60,10 @@ def test_the_driver_is_said_with_a_draft_that_explains_it() -> None:
     assert found.verdict == "family"
     assert found.answer == ()
     assert found.family is not None
-    assert found.family.driver == "the pose before"
+    assert found.family.driver == "the poses before"
     document = found.to_dict()
     assert document["unknown"]["skeleton"] == document["family"]["draft"]
-    assert document["summary"]["missing"].startswith("a cause that follows the pose before")
+    assert document["summary"]["missing"].startswith("a cause that follows the poses before")
     assert found.family.experiment in document["summary"]["next"]
     exec(compile(found.family.draft, "draft", "exec"), {})
     try:
@@ -82,7 +82,7 @@ def test_of_noise_no_driver_is_sure(seed: int) -> None:
     table = table.with_columns({"fx_N": force})
     base = ecm.fit_model(table, "linear").base
     found = posterior(assemble(base, table, effects_of(table, None)))
-    assert {one.name for one in found.drivers} >= {"time", "humidity_percent", "the pose before"}
+    assert {one.name for one in found.drivers} >= {"time", "humidity_percent", "the poses before"}
     assert max(*found.of_drivers, found.of_pose) < 0.9
     assert sum(found.of_drivers) + found.of_pose + found.of_nothing == pytest.approx(1.0)
 

@@ -15,6 +15,7 @@ from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.se3 import rotation
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
@@ -268,3 +269,27 @@ def test_a_name_that_is_less_likely_than_not_is_not_said(monkeypatch: pytest.Mon
     monkeypatch.setitem(WEIGHTS, "named", (-1.0, 0.0, 0.0, 0.0))
     found = find_missing(model(), table)
     assert (found.verdict, found.answer) == ("unknown", ())
+
+
+def test_a_wild_base_makes_no_noise_of_an_error() -> None:
+    """Of a log of three forces: beside the noise of its own stiffness a quartic errs nothing."""
+    random, time = np.random.default_rng(5), 0.05 * np.arange(600.0)
+    turns = np.outer(time, [0.31, 0.43, 0.57, 0.37, 0.29, 0.47])
+    poses = np.sin(2.0 * np.pi * turns + np.arange(6.0)) * ([3e-3] * 3 + [0.03] * 3)
+    force = poses[:, :3] * [2e4, 1e4, 1e4] + poses[:, 3:] @ np.eye(3)[[0, 2, 1]] * [0, 300, -300]
+    force[:, 1] += 1e6 * poses[:, 1] ** 2
+    slid = 0.0
+    for row, step in enumerate(np.diff(poses[:, 1], prepend=poses[0, 1])):
+        slid = float(np.clip(slid + step, -3e-4, 3e-4))
+        force[row, 1] += 1.5 * slid / 3e-4
+    force += 0.1 * random.standard_normal(force.shape)
+    names, shifted = (*POSE, *WRENCH[:3]), poses + np.eye(6)[0] * L
+    columns = dict(zip(names, np.hstack([shifted, force]).T, strict=True))
+    exact = Instrument(
+        force_sd_N=0.1, torque_sd_Nm=0.004, pose_position_sd_m=1e-6, pose_rotation_sd_rad=1e-5
+    )
+    meta = Meta(file=FileMeta(kind="continuous"), instrument=exact)
+    table = as_table(columns | {"time_s": time}, meta=meta)
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert found.answer == (("hysteresis",),)
+    assert np.abs(found.effects[0].values).max() == pytest.approx(1.5, rel=0.1)

@@ -37,8 +37,8 @@ from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
-_EVERY_TAU = 3
-"""Of the time constants of a relaxation every third is tried: a process has any form."""
+_EVERY_TAU = 4
+"""Of the time constants of a relaxation every fourth is tried: a process has any form."""
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS = 600
@@ -277,7 +277,7 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
             of_column: list[F] = []
-            for one in (values, *(_lagging(problem.rows, column) if column in _COLUMNS else ())):
+            for one in (values, *_lagging(problem.rows, column)):
                 functions = _cosines(one, count)
                 free = _free(problem, functions)
                 factors = _factors(problem, functions)
@@ -298,9 +298,9 @@ def _values(table: Table, column: str) -> F:
 
 
 def _lagging(rows: Rows, column: str) -> Iterator[F]:
-    """Yield (N,) a temperature as a body takes it on, by some time constants."""
+    """Yield (N,) the temperature as a thick body takes it on, by some time constants."""
     whole = rows.whole
-    if column != "time_s" and whole.table.has("time_s"):
+    if column == "temperature_degC" and whole.table.has("time_s"):
         values = _values(whole.table, column)
         for tau in time_constants(whole.table)[::_EVERY_TAU]:
             ahead = hereditary(whole.table, values[:, None], tau)[:, 0]
@@ -331,7 +331,7 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
     whole = rows.whole
     forms = (_free(problem, visit), *(_free(problem, one) for one in _fading(rows, spread)))
-    yield Driver("the poses before", ("stress_relaxation",), "hold_one_pose", forms, history=visits)
+    yield Driver("the poses before", ("stress_relaxation",), "both_sides", forms, history=visits)
     whole = rows.whole
     size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
     if has_order(problem.table):

@@ -103,17 +103,18 @@ def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessM
     if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
         return None
     tried: list[Symmetry] = ["revolution"]
-    own = isinstance(given, EnergyMap) and given.model.symmetry == "general"
-    if own or _tells_less_than_half(problem):
+    alike = not isinstance(given, EnergyMap) or given.model.symmetry != "general"
+    if not alike or _tells_less_than_half(problem):
         tried.append("general")
     said = decision.statement
     best: StiffnessMap | None = None
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * _error_after(problem, ())
+    own = _error(problem, problem.fit.residual, len(problem.base.coefficients))
+    most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * own
     for symmetry in tried:
         with suppress(ModelError, InputError):  # fewer rows than coefficients
             base = energy_with(symmetry, problem.table)
-            error = _error(problem, problem.fit_with((), base).whitened, len(base.coefficients))
+            error = _error_of(problem, base)
             if error < most:
                 best, most = base, min(most, _BY_ITSELF * error)
     return best
@@ -146,28 +147,37 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
     best, least = None, _error_left(decision)
     for richer, kept in product(tried, beside):
         with suppress(ModelError, InputError):  # base and effects run away from the rows
-            fitted = len(richer.coefficients) + sum(item.parameters for item in kept)
-            error = _error(problem, problem.fit_with(kept, richer).whitened, fitted)
+            error = _error_of(problem, richer, kept)
             if error < least:
                 best, least = richer, error
     return best
 
 
-def _error_left(decision: Decision) -> float:
-    """Return the error after base and accepted effects, over the noise."""
-    return _error_after(decision.problem, decision.accepted.effects)
+def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
+    """Return the error after base and accepted effects, over the noise of this or another base."""
+    problem, effects = decision.problem, decision.accepted.effects
+    whitened = residual_after(problem, effects)[:, :, None]
+    residual = np.asarray(np.linalg.solve(problem.whitener, whitened)[:, :, 0])
+    return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
 
 
-def _error_after(problem: Problem, effects: Sequence[Candidate]) -> float:
-    """Return the error after base and effects, over the noise."""
-    fitted = len(problem.base.coefficients) + sum(item.parameters for item in effects)
-    return _error(problem, residual_after(problem, effects), fitted)
+def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate] = ()) -> float:
+    """Return the error over the noise of another base, fitted together with effects.
+
+    Over the noise of the problem: what a wild base makes of the noise of the pose would hide that
+    it errs.
+    """
+    residual = problem.fit_with(effects, base).residual
+    return _error(problem, residual, len(base.coefficients), effects)
 
 
-def _error(problem: Problem, whitened: F, fitted: int) -> float:
-    """Return the error over the noise of a fit of so many coefficients."""
-    freedom = problem.size - fitted
-    return float(np.sqrt(problem.squares_of(whitened) / freedom)) if freedom > 0 else np.inf
+def _error(
+    problem: Problem, residual: F, coefficients: int, effects: Sequence[Candidate] = ()
+) -> float:
+    """Return the error over the noise of a residual (N, m), per degree of freedom."""
+    freedom = problem.size - coefficients - sum(item.parameters for item in effects)
+    squares = problem.squares_of(np.einsum("nij,nj->ni", problem.whitener, residual))
+    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
 
 
 _MOST_ROWS = 600
@@ -443,7 +453,7 @@ def _against_the_bases(
         other = less_symmetric_energy(decision, whole_map(model.base))
         if other is not None:
             again, said = against(other), decision.statement
-            left, before = _error_left(again), _error_left(decision)
+            left, before = (_error_left(one, decision.problem) for one in (again, decision))
             # What another reading of the table leaves was compared before.
             if said is not None or left < _BESIDE_NAMES * before:
                 or_else = (f"or {said.sentence()}",) if said else ()
@@ -451,7 +461,8 @@ def _against_the_bases(
                 decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
         richer = richer_polynomial(decision)
         if richer is not None:
-            decision = min(decision, against(richer), key=_error_left)
+            weighed = partial(_error_left, weighed=decision.problem)
+            decision = min(decision, against(richer), key=weighed)
     if decision.statement is not None:
         return decision
     if not may_be_another_body(decision):
