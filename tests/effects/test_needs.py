@@ -17,7 +17,7 @@ from support.campaigns import campaign, model
 from support.full_table import full_table
 
 NEEDS: dict[str, tuple[str, ...]] = {
-    "stress_relaxation": ("dwell_s",),
+    "stress_relaxation": ("dwell",),
     "viscous_damping": (VELOCITY[0],),
     "hysteresis": ("path",),
     "mullins_softening": ("time_s",),
@@ -53,6 +53,7 @@ SAID = {
     "pose_id": "repeats",
     "warmth": "sensor_temperature_degC",
     "path": "approach, or time_s",
+    "dwell": "dwell_s",
 }
 """What the record names in place of the column."""
 
@@ -82,6 +83,7 @@ def without(table: Table, name: str) -> Table:
         return table.with_meta(replace(meta, file=replace(meta.file, kind="static")))
     several = {
         "path": ("approach", "time_s"),
+        "dwell": ("dwell_s", "time_s"),
         "warmth": ("temperature_degC", "sensor_temperature_degC"),
         "tendon1_N": tuple(column for column in table.columns if column.startswith("tendon")),
     }

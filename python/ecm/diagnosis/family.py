@@ -38,7 +38,7 @@ from ecm.regression.rows import Rows
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
 _EVERY_TAU = 4
-"""Of the time constants of a relaxation every fourth is tried: a process has any form."""
+"""Every fourth time constant of a relaxation is tried: a process has any form."""
 _KNOWN, _UNKNOWN = 30.0, 1.0
 """Degrees of freedom of what is known of the noise: of repeats or figures, and of none."""
 _MOST_ROWS = 600

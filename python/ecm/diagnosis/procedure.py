@@ -229,8 +229,8 @@ _LESS_SYMMETRY = {
     ),
     "general": (
         "the body is none of revolution: an energy of revolution leaves more, whatever is named; "
-        "names are against an energy without symmetry, which a load that has a potential cannot be "
-        "told from; fit energy4-general"
+        "names are against an energy without symmetry, which takes in what any cause that follows the "
+        "pose alone does; fit energy4-general"
     ),
 }
 

@@ -596,6 +596,8 @@ def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[st
 
 def _settles(values: F) -> bool:
     """Whether readings go one way and slow down, as of relaxation and creep, not of a ramp."""
+    if len(values) < 6:  # fewer do not show it
+        return False
     level = np.array([np.median(part) for part in np.array_split(values, 6)])
     first, second = (float(level[j] - level[i]) for i, j in ((0, 2), (3, 5)))
     return first * second >= 0.0 and abs(first) > _SLOWER * abs(second)

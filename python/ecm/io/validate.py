@@ -163,11 +163,13 @@ def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[
     parsed = [number_of(text) for text in texts]
     unread = np.array([value is None for value in parsed])
     if len(texts) > 1 and unread.all() and "" not in texts:
-        words = "remove the column, or import the log, which reads dates and leaves text aside"
+        words = "remove the column, or import the log, which reads dates"
+        dated = any(map(str.isdigit, texts[0]))
         raise InputError(
             f"{errors.source}: column '{own}' is text in every row (the first: {shown(texts[0])}), "
-            "expected numbers: only approach, kind and action are text",
-            remedy=Remedy(words, IMPORT),
+            "expected numbers: only approach, kind and action are text"
+            + ("" if dated else ". Remove the column."),
+            remedy=Remedy(words, IMPORT) if dated else None,
         )
     for row in np.flatnonzero(unread):
         text = texts[row]

@@ -431,7 +431,7 @@ def on_what_is_measured(model: ModelT, table: Table) -> ModelT:
     return model if base is model.base else replace(model, base=base)
 
 
-def is_one_pose(poses: TableLike | F, base: StiffnessMap) -> bool:
+def is_one_pose(poses: Any, base: StiffnessMap) -> bool:
     """Whether an array is one pose (n,) of a map: of one column also a number, but not (N,)."""
     one_column = len(base.inputs) + len(actuators_of(base)) == 1
     if _has_names(poses):
