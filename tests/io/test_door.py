@@ -59,7 +59,7 @@ def sources() -> dict[str, str]:
     }
 
 
-# What is no table of measurements: predictions given as a model, and poses whose columns have names.
+# No tables of measurements: predictions given as a model, and poses whose columns have names.
 ALSO_MADE = {"models/fit.py: as_model", "models/evaluation.py: rows_of_poses"}
 
 

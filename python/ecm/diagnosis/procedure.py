@@ -229,8 +229,8 @@ _LESS_SYMMETRY = {
     ),
     "general": (
         "the body is none of revolution: an energy of revolution leaves more, whatever is named; "
-        "names are against an energy without symmetry, which takes in what any cause that follows the "
-        "pose alone does; fit energy4-general"
+        "names are against an energy without symmetry, which takes in all that follows the pose "
+        "alone; fit energy4-general"
     ),
 }
 
