@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_450, 201),
+    "python/ecm": (42_453, 201),
     "benches": (5_919, 51),
     "examples": (1_516, 13),
     "tests": (32_946, 234),
@@ -17,7 +17,7 @@ LIMITS = {
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
 without symmetry, the memory of earlier moves, tendons that would push, inputs that nothing tells
-about, meshes whose elements stand twice, and models that are copied have tests of their own (159 in
+about, meshes whose elements stand twice, and models that are copied have tests of their own (162 in
 the package, of which 145 were taken from readers and models, and 278 in the tests)."""
 
 

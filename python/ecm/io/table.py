@@ -519,6 +519,10 @@ def takes_table(
 
         @wraps(function)
         def at_the_door(*args: P.args, **kwargs: P.kwargs) -> R:
+            # A pose in a loop: to look up the names of arguments takes three times as long.
+            poses = args[1] if or_array and len(args) == 2 and not kwargs else None
+            if type(poses) is np.ndarray and poses.dtype == np.float64:
+                return function(*args, **kwargs)
             given = parameters.bind(*args, **kwargs)
             check_arguments(function, given.arguments)
             data, meta = given.arguments[name], given.arguments.get("meta")
