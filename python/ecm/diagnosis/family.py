@@ -346,9 +346,13 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
 
 
 def _fading(rows: Rows, spread: F) -> list[F]:
-    """(N, n) what is left of the moves so far, by some time constants; none without a time."""
+    """(N, n) what is left of the moves so far, by some time constants; none without a time.
+
+    None in a continuous test, either: there each relaxation is tested along the path itself, and a
+    free process of it would take in friction as well.
+    """
     whole = rows.whole
-    if not has_order(whole.table) or not whole.table.has("time_s"):
+    if whole.table.continuous or not whole.table.has("time_s"):
         return []
     moved = (whole.poses - rows.middle_pose) / spread
     taus = time_constants(whole.table)[::_EVERY_TAU]
