@@ -299,12 +299,10 @@ def _values(table: Table, column: str) -> F:
 
 def _lagging(rows: Rows, column: str) -> Iterator[F]:
     """Yield (N,) the temperature as a thick body takes it on, by some time constants."""
-    whole = rows.whole
-    if column == "temperature_degC" and whole.table.has("time_s"):
-        values = _values(whole.table, column)
-        for tau in time_constants(whole.table)[::_EVERY_TAU]:
-            ahead = hereditary(whole.table, values[:, None], tau)[:, 0]
-            yield rows.of_whole(values - ahead)
+    if column == "temperature_degC":
+        values = _values(rows.whole.table, column)
+        for ahead in _fading(rows, values[:, None]):
+            yield rows.of_whole(values) - ahead[:, 0]
 
 
 def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
@@ -330,10 +328,13 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     text = "np.r_[{0}[:1], {0}[:-1]]"
     visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
     whole = rows.whole
-    forms = (_free(problem, visit), *(_free(problem, one) for one in _fading(rows, spread)))
+    # In a continuous test each relaxation is tested along the path itself, and a free process of it
+    # would take in friction as well.
+    moved = (whole.poses - rows.middle_pose) / spread
+    fading = () if whole.table.continuous else _fading(rows, moved)
+    forms = (_free(problem, visit), *(_free(problem, one) for one in fading))
     yield Driver("the poses before", ("stress_relaxation",), "both_sides", forms, history=visits)
-    whole = rows.whole
-    size = np.sqrt((((whole.poses - rows.middle_pose) / spread) ** 2).sum(axis=1))
+    size = np.sqrt((moved**2).sum(axis=1))
     if has_order(problem.table):
         # Stiff directions add more to the energy than to the deflection.
         sizes = [one / rms(one) for one in (size, _work(whole)) if np.ptp(one) > 0.0]
@@ -345,18 +346,18 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
                      {"the largest wrench so far": (text, load)})  # fmt: skip
 
 
-def _fading(rows: Rows, spread: F) -> list[F]:
-    """(N, n) what is left of the moves so far, by some time constants; none without a time.
+def _fading(rows: Rows, driven: F) -> Iterator[F]:
+    """Yield (N, k) what is left of changes, by some time constants; nothing without a time.
 
-    None in a continuous test, either: there each relaxation is tested along the path itself, and a
-    free process of it would take in friction as well.
+    Parameters
+    ----------
+    driven
+        (n, k) of all rows of the table.
     """
-    whole = rows.whole
-    if whole.table.continuous or not whole.table.has("time_s"):
-        return []
-    moved = (whole.poses - rows.middle_pose) / spread
-    taus = time_constants(whole.table)[::_EVERY_TAU]
-    return [rows.of_whole(hereditary(whole.table, moved, tau)) for tau in taus]
+    table = rows.whole.table
+    if table.has("time_s"):
+        for tau in time_constants(table)[::_EVERY_TAU]:
+            yield rows.of_whole(hereditary(table, driven, tau))
 
 
 def _work(rows: Rows) -> F:

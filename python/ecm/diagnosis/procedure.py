@@ -103,8 +103,8 @@ def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessM
     if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
         return None
     tried: list[Symmetry] = ["revolution"]
-    alike = not isinstance(given, EnergyMap) or given.model.symmetry != "general"
-    if not alike or _tells_less_than_half(problem):
+    has_none = isinstance(given, EnergyMap) and given.model.symmetry == "general"
+    if has_none or _tells_less_than_half(problem):
         tried.append("general")
     said = decision.statement
     best: StiffnessMap | None = None
@@ -116,7 +116,7 @@ def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessM
             base = energy_with(symmetry, problem.table)
             error = _error_of(problem, base)
             if error < most:
-                best, most = base, min(most, _BY_ITSELF * error)
+                best, most = base, _BY_ITSELF * error
     return best
 
 
@@ -167,8 +167,9 @@ def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate]
     Over the noise of the problem: what a wild base makes of the noise of the pose would hide that
     it errs.
     """
-    residual = problem.fit_with(effects, base).residual
-    return _error(problem, residual, len(base.coefficients), effects)
+    return _error(
+        problem, problem.fit_with(effects, base).residual, len(base.coefficients), effects
+    )
 
 
 def _error(

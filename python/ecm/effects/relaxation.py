@@ -190,8 +190,9 @@ class StressRelaxation(LinearEffect):
 
     def _by_time(self, table: Table) -> bool:
         """Whether time alone says how long the stress had to decay: from reading to reading."""
-        no_dwells = _needs_dwells(table) if self.samples else not table.has("dwell_s")
-        return table.continuous or bool(no_dwells and table.has("time_s"))
+        if self.samples:
+            return table.continuous or _needs_dwells(table) is not None
+        return table.continuous or (table.has("time_s") and not table.has("dwell_s"))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish.

@@ -235,7 +235,7 @@ def symmetric_energy(table: Table) -> StiffnessMap:
     """
     if _has_energy_of_inputs(table):
         return _energy_of_inputs(table)
-    return _by_degree(table, [EnergyModel(degree) for degree in _ENERGY])
+    return energy_with("alike", table)
 
 
 def energy_with(symmetry: Symmetry, table: Table) -> StiffnessMap:
