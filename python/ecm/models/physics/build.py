@@ -85,6 +85,26 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
     )
 
 
+_MOST_STRAIN = 0.4
+"""Of the outermost fibre, in the usual workspace; the neck has 0.26 there."""
+
+
+def usual_rotation_rad(shape: Mechanism) -> float:
+    """Largest rotation of the workspace of a shape, where no data ask for more: 0.8 rad.
+
+    Of a body thicker than it is long less: at 0.8 rad its outer fibres would lose all their length,
+    and half of the poses have no stable state, which takes FEM long to find out.
+    """
+    if shape.builtin == "rod":
+        return ROTATION_LIMIT_RAD
+    across, length = 2.0 * shape.radius_m, shape.length_m
+    if shape.mesh_file is not None:
+        mesh = shape.mesh()
+        across, length = diameter(mesh), mesh.length_m
+    # In digits that a copy of other size shares.
+    return min(ROTATION_LIMIT_RAD, float(f"{2.0 * _MOST_STRAIN * length / across:.6g}"))
+
+
 def _rounded(material: Material) -> Material:
     def digits(value: float | list[float]) -> float | list[float]:
         if isinstance(value, (list, tuple)):
@@ -113,7 +133,7 @@ def build_family(
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     limit = settings.rotation_limit_rad
-    wide = limit > ROTATION_LIMIT_RAD
+    wide = limit > usual_rotation_rad(shape)
     poses = spread_poses(
         rest,
         settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1),
@@ -197,7 +217,8 @@ def mesh_difference(
     s = compressibility(shape.poisson_ratio)
     standard, fine = (_Bodies(replace(shape, quality=quality)) for quality in ("standard", "fine"))
     rest = standard.fem(s, 0.0).rest_stiffness()
-    poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED)
+    limit = usual_rotation_rad(shape)
+    poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED, rotation_limit_rad=limit)
     solved = [
         _solved(body.fem(s, 0.0), poses, threads, progress, (done, 2 * len(poses)))
         for body, done in ((standard, 0), (fine, len(poses)))

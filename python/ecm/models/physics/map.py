@@ -29,13 +29,14 @@ from ecm.io.se3 import ORDERS, read_in_other_order
 from ecm.io.table import Table
 from ecm.models.layout import plain
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, finite
-from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
+from ecm.models.physics.body_fits import MARGIN
 from ecm.models.physics.build import (
     BuildSettings,
     build_family,
     mesh_difference,
     shape_of,
     stated_rod,
+    usual_rotation_rad,
 )
 from ecm.models.physics.family import PARAMETERS, MeshDifference, PhysicsFamily, check_parameters
 from ecm.regression.rows import BodyChange
@@ -323,8 +324,8 @@ def physics_map(
     settings
         Numbers of FEM poses; the default fits the kind of body.
     reach_rad
-        Largest rotation of the poses to predict; beyond 0.88 rad a wider family of more poses is
-        built, which takes twice as long.
+        Largest rotation of the poses to predict; beyond 0.88 rad, of a body thicker than long
+        less, a wider family of more poses is built, which takes twice as long.
 
     Raises
     ------
@@ -393,18 +394,20 @@ class _Kept:
         cache: Path | None,
     ) -> _Kept:
         """Choose numbers of poses by the kind of body and by how far its poses reach."""
+        shape = shape_of(mechanism)
+        usual = usual_rotation_rad(shape)
         if settings is None:
             # A mesh of a user may have no symmetry, and then ten times the terms.
             own_mesh = mechanism.mesh_file is not None
-            settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
+            poses = _POSES_OF_A_MESH if own_mesh else BuildSettings.poses
+            settings = BuildSettings(poses=poses, rotation_limit_rad=usual)
         if reach_rad > MARGIN * settings.rotation_limit_rad:
             # In steps of 0.2 rad, so that campaigns of similar reach share a family.
             wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
             poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
             settings = replace(settings, rotation_limit_rad=wider, poses=poses)
-        shape = shape_of(mechanism)
         key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
-        if settings.rotation_limit_rad > ROTATION_LIMIT_RAD:
+        if settings.rotation_limit_rad > usual:
             key["wide"] = _WIDE_VERSION
         return cls(shape, settings, cache_directory() if cache is None else cache, key)
 
