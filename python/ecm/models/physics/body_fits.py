@@ -61,9 +61,9 @@ def workspace_poses(
     size = sections["bending_stiffness_Nm2"] / NECK_BENDING_NM2
     # Loads that strain a thick body no more than its smaller rotation does: of a moment the strain
     # goes with r / L where loads go with EI, of a force with its square.
-    less = min(1.0, rotation_limit_rad / ROTATION_LIMIT_RAD)
-    size = size * np.repeat([less**2, less], 3)
-    low, high = (margin * (size * np.asarray(end)) for end in (TABLE_I_MIN, TABLE_I_MAX))
+    share = min(1.0, rotation_limit_rad / ROTATION_LIMIT_RAD)
+    less = np.repeat([share**2, share], 3)
+    low, high = (less * (margin * (size * np.asarray(end))) for end in (TABLE_I_MIN, TABLE_I_MAX))
     random = np.random.default_rng([seed, 3])
     usable: list[F] = []
     number = drawn = 0
