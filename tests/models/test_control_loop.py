@@ -135,8 +135,13 @@ def test_stability_is_the_sign_of_the_slowest_rate() -> None:
 def test_a_mass_that_nobody_stated_is_said_first() -> None:
     stiffness = np.diag([2e4, 4e3, 4e3, 4.0, 16.0, 16.0])[None]
     first = design_loop(np.zeros((1, 6)), stiffness).sentences()[0]
-    assert first.startswith("No mass of the platform was stated: the loop is for ")
+    assert first.startswith("Not stated: mass and inertia of the platform. The loop is for ")
     assert "--mass KG --inertia KGM2" in first
+    # A light platform turns easily as well.
+    light, heavy = (design_loop(np.zeros((1, 6)), stiffness, LoopSettings(m)) for m in (0.3, 3.0))
+    assert heavy.inertia_kg_m2 == pytest.approx(10.0 * light.inertia_kg_m2)
+    assert light.sentences()[0].startswith("Not stated: inertia of the platform. The loop is for ")
+    assert f"{light.inertia_kg_m2:.3g} kg m2, by its stiffness" in light.sentences()[0]
     stated = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
     first = design_loop(np.zeros((1, 6)), stiffness, stated).sentences()[0]
     assert first.startswith("Control loop for 2 kg")

@@ -174,8 +174,8 @@ class ControlLoop:
 
     mass_kg: float
     inertia_kg_m2: float
-    own_mass: bool
-    """Whether the mass was chosen here, by the mechanism's own frequency."""
+    chosen: tuple[str, ...]
+    """What was not stated and is chosen here: `mass` by the own frequency, `inertia`."""
     gains: Gains
     poses: F
     """(N, 6) poses for which it was designed."""
@@ -202,12 +202,13 @@ class ControlLoop:
     def sentences(self) -> tuple[str, ...]:
         """What the loop can bear, in words."""
         w, delay = self.gains.bandwidth_rad_s, 1e3 * self.gains.delay_steps * self.gains.dt_s
-        first = (
-            f"No mass of the platform was stated: the loop is for {self.mass_kg:.3g} kg, by the "
-            "mechanism's own frequency. State yours, or its gains do not fit: --mass KG --inertia "
-            "KGM2."
+        sizes = {"mass": f"{self.mass_kg:.3g} kg", "inertia": f"{self.inertia_kg_m2:.3g} kg m2"}
+        size = sizes[self.chosen[0]] if self.chosen else ""
+        by = "the mechanism's own frequency" if "mass" in self.chosen else "its stiffness"
+        chosen = self.chosen and (
+            f"Not stated: {' and '.join(self.chosen)} of the platform. The loop is for {size}, by "
+            f"{by}. State yours, or its gains do not fit: --mass KG --inertia KGM2.",
         )
-        chosen = (first,) if self.own_mass else ()
         stated = (
             f"{self.mass_kg:.3g} kg and {self.inertia_kg_m2:.3g} kg m2, a step of "
             f"{1e3 * self.gains.dt_s:.3g} ms and a delay of at most {delay:.3g} ms"
@@ -305,7 +306,11 @@ def design_loop(
     return ControlLoop(
         mass_kg=mass,
         inertia_kg_m2=inertia,
-        own_mass=settings.mass_kg is None or settings.inertia_kg_m2 is None,
+        chosen=tuple(
+            name
+            for name, value in (("mass", settings.mass_kg), ("inertia", settings.inertia_kg_m2))
+            if value is None
+        ),
         gains=gains,
         poses=poses,
         holds=holds,
@@ -316,13 +321,20 @@ def design_loop(
 
 
 def _mass(stiffness: F, settings: LoopSettings) -> tuple[float, float]:
-    """The stated mass and inertia, or those at which the stiffest mode has 100 rad/s."""
+    """The stated mass and inertia, or those at which the stiffest mode has 100 rad/s.
+
+    What is stated of the two scales the other: a light platform turns easily as well.
+    """
     symmetric = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
     largest = [np.linalg.eigvalsh(symmetric[:, s, s]).max() for s in (slice(3), slice(3, 6))]
     if not (np.isfinite(stiffness).all() and min(largest) > 0.0):
         raise InputError("stiffness: expected finite numbers and a mechanism that resists")
     weights = 1.0 / np.repeat(largest, 3)
     scale = np.abs(np.linalg.eigvals(weights[:, None] * stiffness)).max() / _OWN_FREQUENCY**2
+    if settings.mass_kg is not None:
+        scale = settings.mass_kg / largest[0]
+    elif settings.inertia_kg_m2 is not None:
+        scale = settings.inertia_kg_m2 / largest[1]
     mass, inertia = (float(f"{value * scale:.2g}") for value in largest)
     return settings.mass_kg or mass, settings.inertia_kg_m2 or inertia
 
