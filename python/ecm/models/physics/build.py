@@ -133,7 +133,7 @@ def build_family(
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     limit = settings.rotation_limit_rad
-    wide = limit > usual_rotation_rad(shape)
+    wide, done = limit > usual_rotation_rad(shape), 0
     poses = spread_poses(
         rest,
         settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1),
@@ -154,7 +154,9 @@ def build_family(
         return found
 
     if wide:
-        first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, len(poses)))
+        done = len(poses)
+        most = done + 9 * settings.poses + 3 * settings.test_poses
+        first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, most))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
         rest,
@@ -165,9 +167,8 @@ def build_family(
     )
     bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
     bodies += [(s, x, unseen) for s, x in nodes.unseen]
-    total = sum(len(p) for _, _, p in bodies)
+    total = done + sum(len(p) for _, _, p in bodies)
     solved: list[Solved] = []
-    done = 0
     for index, (s, x, at) in enumerate(bodies):
         solved.append(solved_at(index, s, x, at, (done, total)))
         done += len(at)

@@ -29,7 +29,7 @@ from ecm.io.se3 import ORDERS, read_in_other_order
 from ecm.io.table import Table
 from ecm.models.layout import plain
 from ecm.models.maps import EnergyMap, EnergyTerms, SixAxisMap, finite
-from ecm.models.physics.body_fits import MARGIN
+from ecm.models.physics.body_fits import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.build import (
     BuildSettings,
     build_family,
@@ -404,7 +404,8 @@ class _Kept:
         if reach_rad > MARGIN * settings.rotation_limit_rad:
             # In steps of 0.2 rad, so that campaigns of similar reach share a family.
             wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
-            poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
+            few = settings.poses if wider <= ROTATION_LIMIT_RAD else _POSES_OF_A_WIDE_FAMILY
+            poses = max(settings.poses, few)
             settings = replace(settings, rotation_limit_rad=wider, poses=poses)
         key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
         if settings.rotation_limit_rad > usual:
