@@ -28,7 +28,7 @@ from ecm.designs import (
 from ecm.designs.optimal import knee
 from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
 from ecm.effects import get_effect
-from ecm.errors import EcmError, InputError
+from ecm.errors import DesignError, EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, POSE_OFFSETS, WRENCH
 from ecm.io.description import Meta
@@ -133,6 +133,21 @@ def test_lists_measured_poses_and_repeats() -> None:
         optimal_design(poses, 45, DesignSettings(model="linear"))
     again = optimal_design(poses, 45, DesignSettings(model="linear", replicates=True, iterations=5))
     assert len(again.indices) == 45
+
+
+def test_too_few_poses_for_a_model_name_one_that_they_determine() -> None:
+    """The default is the paper's cubic; an energy needs 12 poses, without a length a line seven."""
+    poses = candidates().poses
+    for wanted, name in (
+        (DesignSettings(length_m=LENGTH_M), "energy4"),
+        (DesignSettings(), "linear"),
+    ):
+        with pytest.raises(DesignError, match=f"for example --model {name}$"):
+            optimal_design(poses, 12, wanted)
+        fewer = replace(wanted, model=name, iterations=5)
+        assert len(optimal_design(poses, 12, fewer).indices) == 12
+    with pytest.raises(DesignError, match=r"take a smaller model$"):
+        optimal_design(poses, 3, DesignSettings())
 
 
 def test_noise_of_the_pose_moves_the_design() -> None:

@@ -6,6 +6,7 @@ The error is that of the noise alone; the error of the model itself does not fal
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -158,19 +159,25 @@ def optimal_design(
         rows = regressor(poses, settings, measured=measured, base=base)
         averaged = settings.criterion in AVERAGED
         terms = rows.rows.shape[1]
-        result = d_optimal(
-            rows.rows,
-            n + len(inside),
-            criterion=settings.criterion,
-            rows_per_pose=rows.rows_per_pose,
-            measured=rows.measured,
-            prior=rows.prior,
-            replicates=settings.replicates,
-            share=settings.share,
-            region=prediction_region(poses, settings, base, terms) if averaged else None,
-            method="fedorov" if paper else "search",
-            **search,
-        )
+        try:
+            result = d_optimal(
+                rows.rows,
+                n + len(inside),
+                criterion=settings.criterion,
+                rows_per_pose=rows.rows_per_pose,
+                measured=rows.measured,
+                prior=rows.prior,
+                replicates=settings.replicates,
+                share=settings.share,
+                region=prediction_region(poses, settings, base, terms) if averaged else None,
+                method="fedorov" if paper else "search",
+                **search,
+            )
+        except DesignError as error:
+            smaller = _determined(poses, n + len(inside), terms, settings, base)
+            if smaller is None:
+                raise
+            raise DesignError(f"{error}, for example --model {smaller}") from None
     return Design(
         indices=np.asarray(result.indices, dtype=np.int64),
         criterion=settings.criterion,
@@ -179,6 +186,18 @@ def optimal_design(
         efficiency=result.efficiency,
         status=result.status,
     )
+
+
+def _determined(
+    poses: F, n: int, terms: int, settings: DesignSettings, base: NominalModel | None
+) -> str | None:
+    """A model of fewer than these terms that n poses determine; None: there is none."""
+    for name in ("energy4", "poly:2", "linear"):
+        with suppress(InputError):  # an energy of few columns, or without a length
+            rows = regressor(poses, replace(settings, model=name), base=base)
+            if rows.rows.shape[1] < min(terms, n * rows.rows_per_pose):
+                return name
+    return None
 
 
 def _checked(poses: F, name: str) -> F:
