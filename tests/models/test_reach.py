@@ -100,7 +100,8 @@ def test_a_thick_body_is_solved_where_it_stands() -> None:
     assert limit == pytest.approx(0.4)
     assert usual_rotation_rad(shape_of(Mechanism())) == 0.8
     fem = mount.fem()
-    poses = body_fits.spread_poses(fem.rest_stiffness(), 32, seed=20, rotation_limit_rad=limit)
+    limits = {"rotation_limit_rad": limit, "usual_rad": limit}
+    poses = body_fits.spread_poses(fem.rest_stiffness(), 32, seed=20, **limits)
     # Pushed aside by less than its own length, not by twice of it.
     assert np.abs(poses[:, 1:3]).max() < body_fits.LENGTH_M
     assert set(fem.solve_poses(poses).status) == {"solved"}

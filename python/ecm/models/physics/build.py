@@ -132,15 +132,11 @@ def build_family(
     nodes = Nodes.around(compressibility(shape.poisson_ratio))
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
-    limit = settings.rotation_limit_rad
-    wide, done = limit > usual_rotation_rad(shape), 0
-    poses = spread_poses(
-        rest,
-        settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1),
-        seed=settings.seed,
-        threads=threads,
-        rotation_limit_rad=limit,
-    )
+    usual = usual_rotation_rad(shape)
+    limits = {"rotation_limit_rad": settings.rotation_limit_rad, "usual_rad": usual}
+    wide, done = settings.rotation_limit_rad > usual, 0
+    count = settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1)
+    poses = spread_poses(rest, count, seed=settings.seed, threads=threads, **limits)
 
     def solved_at(index: int, s: float, x: float, at: F, counts: tuple[int, int]) -> Solved:
         """One body, kept in `stage`; `counts` are the poses solved before, and all."""
@@ -159,11 +155,7 @@ def build_family(
         first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, most))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
-        rest,
-        settings.test_poses,
-        seed=settings.seed + 1,
-        margin=1.0,
-        rotation_limit_rad=limit,
+        rest, settings.test_poses, seed=settings.seed + 1, margin=1.0, **limits
     )
     bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
     bodies += [(s, x, unseen) for s, x in nodes.unseen]
@@ -174,7 +166,7 @@ def build_family(
         done += len(at)
     tell_part(progress, total, total, "fitting")
     common = np.logical_and.reduce([body.ok for body in solved[:9]])
-    if common.sum() < max(len(poses) // 2, _FEWEST_POSES):
+    if common.sum() < _FEWEST_POSES:  # what few poses leave open counts in the error of the others
         raise ComputationError(
             f"only {common.sum()} of {len(poses)} poses have a stable state in all nine bodies "
             "around this shape: the physics model cannot be built for it; check mesh and material"
@@ -218,8 +210,9 @@ def mesh_difference(
     s = compressibility(shape.poisson_ratio)
     standard, fine = (_Bodies(replace(shape, quality=quality)) for quality in ("standard", "fine"))
     rest = standard.fem(s, 0.0).rest_stiffness()
-    limit = usual_rotation_rad(shape)
-    poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED, rotation_limit_rad=limit)
+    usual = usual_rotation_rad(shape)
+    limits = {"rotation_limit_rad": usual, "usual_rad": usual}
+    poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED, **limits)
     solved = [
         _solved(body.fem(s, 0.0), poses, threads, progress, (done, 2 * len(poses)))
         for body, done in ((standard, 0), (fine, len(poses)))

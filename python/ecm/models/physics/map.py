@@ -410,6 +410,8 @@ class _Kept:
         key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
         if settings.rotation_limit_rad > usual:
             key["wide"] = _WIDE_VERSION
+        if usual < ROTATION_LIMIT_RAD:
+            key["usual_rad"] = usual
         return cls(shape, settings, cache_directory() if cache is None else cache, key)
 
     @property
