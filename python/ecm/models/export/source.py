@@ -22,7 +22,7 @@ from ecm.models.control_loop import ControlLoop, LoopSettings
 from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
-from ecm.models.time_effects import TimeEffects
+from ecm.models.time_effects import TimeEffects, time_effects
 from ecm.regression.rows import is_whole, taken_by
 
 _FLAGS = ("-std=c99", "-O2", "-s", "-shared", "-fvisibility=hidden")
@@ -161,8 +161,8 @@ class Source:
             )
         if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
             remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
-            if self.timed.lost:  # what c refuses as well
-                remedy = without(list(self.timed.lost), ", and export it to c")
+            if lost := time_effects(self.model, "c").lost:  # what c refuses as well
+                remedy = without(list(lost), ", and export it to c")
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
                 f"wrench; this one takes {', '.join(self.inside.inputs)} to "
