@@ -368,13 +368,11 @@ def folded(model: EvaluatedModel) -> tuple[Folded, float]:
     not the twelve columns and a length of one, the lowest polynomial where no energy is near.
     """
     base, length = model.base, model.known_length_m
-    polynomial = isinstance(base, PolynomialMap)
-    whole = is_whole(base) and length is not None
     fits: list[Callable[[F, F], Folded]] = []
-    if whole:
+    if is_whole(base) and length is not None:
         fits = [EnergyTerms(length, *form).fit for form in _ENERGIES]
-    if not whole or base.document().get("kind") not in ("energy", "physics"):
-        least = base.model.degree if polynomial else POLYNOMIAL_DEGREES[0]
+    if not fits or base.document().get("kind") not in ("energy", "physics"):
+        least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
         most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
 
         def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:

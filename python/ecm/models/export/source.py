@@ -118,7 +118,7 @@ class Source:
         loop = self.loop or LoopSettings()
         stiffness = self.inside.base.stiffness(self.poses(), "screw")
         mass, inertia = platform_for(stiffness, loop)
-        lest = "or the simulated platform moves otherwise"
+        lest = "or the simulated platform is another"
         return mass, inertia, not_stated(loop.not_stated, (mass, inertia), "The files are", lest)
 
     def code(self, language: Literal["c", "rust"] = "c") -> dict[str, str]:
