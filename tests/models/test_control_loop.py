@@ -141,7 +141,7 @@ def test_a_mass_that_nobody_stated_is_said_first() -> None:
     light, heavy = (design_loop(np.zeros((1, 6)), stiffness, LoopSettings(m)) for m in (0.3, 3.0))
     assert heavy.inertia_kg_m2 == pytest.approx(10.0 * light.inertia_kg_m2)
     assert light.sentences()[0].startswith("Not stated: inertia of the platform. The loop is for ")
-    assert f"{light.inertia_kg_m2:.3g} kg m2, by its stiffness" in light.sentences()[0]
+    assert f"{light.inertia_kg_m2:.3g} kg m2, by the mechanism's stiffness" in light.sentences()[0]
     stated = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
     first = design_loop(np.zeros((1, 6)), stiffness, stated).sentences()[0]
     assert first.startswith("Control loop for 2 kg")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import io
+import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 from ecm.errors import EcmError, InputError
+from ecm.io.description import Scene
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model, registry
 from ecm.models.control_loop import LoopSettings
@@ -100,6 +103,37 @@ def test_every_scene_has_the_mass_that_is_stated() -> None:
     assert len(scenes) == 3
     for path, text in scenes.items():
         assert 'mass="2" diaginertia="0.01 0.01 0.01"' in text, path
+
+
+@pytest.mark.parametrize("stated", [{}, {"mass_kg": 2.0}, {"inertia_kg_m2": 0.01}])
+def test_the_platform_of_every_target_is_the_same_and_what_was_not_stated_is_said(
+    stated: dict[str, float],
+) -> None:
+    """A stated mass stood beside an inertia of 1e-4 kg m2, as if both had been stated."""
+    given = {
+        to: export_files(fitted("linear"), to, loop=LoopSettings(**stated))
+        for to in ("c", "mujoco", "opensim")
+    }
+    loop = given["c"].loop
+    assert loop is not None
+    mass, inertia = f"{loop.mass_kg:.9g}", f"{loop.inertia_kg_m2:.9g}"
+    assert f'mass="{mass}" diaginertia="{inertia} ' in given["mujoco"].files["ecm_model_free.xml"]
+    assert f"<mass>{mass}</mass>" in given["opensim"].files["ecm_model.osim"]
+    assert f"<inertia>{inertia} " in given["opensim"].files["ecm_model.osim"]
+    by = "stiffness" if stated else "own frequency"
+    for exported in given.values():
+        (said,) = (note for note in exported.notes if note.startswith("Not stated: "))
+        assert f"by the mechanism's {by}. State yours" in said
+
+
+@pytest.mark.parametrize("to", ["mujoco", "opensim"])
+def test_a_scene_has_the_gravity_of_the_data(to: str) -> None:
+    """A mechanism that hangs or lies fell along -x of its base all the same."""
+    model = replace(fitted("linear"), scene=Scene(gravity_m_s2=(0.0, 0.0, 9.81)))
+    files = export_files(model, to).files
+    for path, text in files.items():
+        if path.endswith((".xml", ".osim")):
+            assert re.search(r'gravity(=")?>?0 0 9\.81["<]', str(text)), path
 
 
 def test_a_pose_that_is_a_fault_leaves_the_state_as_it_was(tmp_path: Path) -> None:

@@ -120,7 +120,14 @@ def test_functions_of_six_columns_are_differentiated_and_named() -> None:
         ecm.compare(lambda at: 1 / 0, table)
 
 
-def test_an_expression_of_six_columns_is_exported_as_an_energy(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("length", "turn", "form"),
+    [({"length_m": 0.1}, 0.02, "energy"), ({"length_m": 0.1}, 0.6, "poly:1"), ({}, 0.6, "poly:1")],
+)
+def test_an_expression_of_six_columns_is_exported_as_an_energy_or_else_a_polynomial(
+    length: dict[str, float], turn: float, form: str, tmp_path: Path
+) -> None:
+    """A linear law over large turns is no energy; it was refused, with --force for the way out."""
     stiff = dict(zip("abcdef", (2e4, 900.0, 900.0, 4.0, 6.0, 6.0), strict=True))
     bent = ("", " - w * theta_z_rad", " + w * theta_y_rad", "", " + w * z_m", " - w * y_m")
     shape = ("(x_m - 0.1)", *POSE[1:])
@@ -129,15 +136,16 @@ def test_an_expression_of_six_columns_is_exported_as_an_energy(tmp_path: Path) -
         for wrench, name, pose, more in zip(WRENCH, stiff, shape, bent, strict=True)
     ]
     own = Expression("\n".join(lines), w=10.0, **stiff)
-    poses = np.random.default_rng(1).uniform(-1.0, 1.0, (60, 6)) * np.repeat([2e-3, 0.02], 3)
+    poses = np.random.default_rng(1).uniform(-1.0, 1.0, (60, 6)) * np.repeat([2e-3, turn], 3)
     poses[:, 0] += 0.1
     wrenches = own.map().predict(poses)
-    meta = {"mechanism": {"length_m": 0.1}}
+    meta = {"mechanism": length, "instrument": {"force_sd_N": 0.3, "torque_sd_Nm": 0.01}}
     table = ecm.as_table(columns_of(poses, wrenches), meta=meta)
     model = ecm.fit(table, own)
     np.testing.assert_allclose(model.base.coefficients, own.map().coefficients, rtol=1e-6)
-    exported = ecm.export(model, "c", tmp_path, force=True)
-    assert any("Folded into energy" in note for note in exported.notes)
+    exported = ecm.export(model, "c", tmp_path)
+    assert any(f"Folded into {form}" in note for note in exported.notes)
+    assert exported.folding < 0.2
 
 
 @pytest.mark.parametrize(

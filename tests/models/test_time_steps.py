@@ -19,6 +19,7 @@ from ecm.effects.ageing import (
     ThermalExpansion,
 )
 from ecm.effects.friction import Hysteresis
+from ecm.effects.load import Payload
 from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
@@ -282,6 +283,13 @@ def test_what_has_no_step_stays_out_with_its_reason(
     for word in ("pose before", "read twice as often", "median", "base axes"):
         assert word in note
     assert "ecm_model_step" not in exported.files["ecm_model.h"]
+    slips = ", ".join(f"{name} 0.01" for name in POSE)
+    springs = with_effects(
+        plain, (Hysteresis("each", springs=5, slip=slips), [1e-4] * 6), (Payload(), [0.2, 0, 0, 0])
+    )
+    (note,) = (n for n in export_files(springs, "c", loop=LOOP).notes if "Left out" in n)
+    assert "hysteresis (a spring for each pose coordinate has no frame" in note
+    assert "payload (a weight at the sensor" in note
     polynomial = with_effects(fit_model(campaign(seed=3), "cubic"), ONE_BY_ONE[0])
     (note,) = (n for n in export_files(polynomial, "c", loop=LOOP).notes if "Left out" in n)
     assert "energy or physics model" in note

@@ -13,7 +13,7 @@ from ecm.effects.ageing import Ageing
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import as_table, read_table
-from ecm.models import Model, fit_model
+from ecm.models import Expression, Model, fit_model
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
 from support.campaigns import campaign
@@ -161,10 +161,31 @@ def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> N
             export_files(model, "c", loop=stated)
     assert export_files(model, "c", loop=LoopSettings()).left_out == ()
     notes = export_files(model, "rust").notes
-    assert any("along a single coordinate only polynomials in c step" in note for note in notes)
+    assert any("along a single coordinate only c and fmu step" in note for note in notes)
     two = table.with_columns({"fx_N": table["tau_z_Nm"]})
     model = with_effects(fit_model(two, "cubic"), (Ageing(), [1e-6]))
     assert any("ecm predict has it" in note for note in export_files(model, "c").notes)
     neck = fit_model(campaign(seed=3), "linear")
     with pytest.raises(InputError, match=r"--delay \(delay_s\): no file of this model for"):
         export_files(neck, "mujoco", loop=LoopSettings(2.0, 0.01, delay_s=0.01))
+
+
+def test_a_refusal_names_the_way_that_keeps_what_relaxes(tmp_path: Path) -> None:
+    """Not the one that throws it away: C steps where Rust does not, a polynomial where equations do
+    not, and C refuses no effect because OpenSim has no state."""
+    table = one_angle("stress_relaxation")
+    cubic = fit_model(table, "cubic").add("stress_relaxation").fit(table)
+    law = Expression("tau_z_Nm = a * theta_z_rad + b * theta_z_rad**3", a=2.0, b=1.5)
+    own = fit_model(table, law).add("stress_relaxation").fit(table)
+    fit = "ecm fit DATA --model cubic --add stress_relaxation --out cubic.json"
+    to_c = "ecm export MODEL --to c --out OUT"
+    ways = [
+        (cubic, "rust", f"{to_c} --name ecm_model"), (cubic, "opensim", to_c),
+        (own, "c", fit), (own, "rust", fit),
+    ]  # fmt: skip
+    for model, to, command in ways:
+        with pytest.raises(InputError) as found:
+            export(model, to, tmp_path)
+        assert found.value.remedy is not None
+        assert found.value.remedy.command == command
+    assert "stress_relaxation" not in export(cubic, "c", tmp_path).left_out

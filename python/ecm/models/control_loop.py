@@ -167,6 +167,27 @@ class LoopSettings(Checked):
         """Delay in whole steps."""
         return int(np.ceil(self.delay_s / self.dt_s - 1e-9))
 
+    @property
+    def not_stated(self) -> tuple[str, ...]:
+        """What of the platform is chosen by the stiffness: `mass`, `inertia`."""
+        stated = {"mass": self.mass_kg, "inertia": self.inertia_kg_m2}
+        return tuple(name for name, value in stated.items() if value is None)
+
+
+def not_stated(
+    chosen: tuple[str, ...], sizes: tuple[float, float], these: str, lest: str
+) -> tuple[str, ...]:
+    """What of the platform was chosen, and by what, in words; nothing where both are stated."""
+    if not chosen:
+        return ()
+    said = {"mass": f"{sizes[0]:.3g} kg", "inertia": f"{sizes[1]:.3g} kg m2"}
+    by = "own frequency" if len(chosen) == len(said) else "stiffness"
+    return (
+        f"Not stated: {' and '.join(chosen)} of the platform. {these} for "
+        f"{' and '.join(said[name] for name in chosen)}, by the mechanism's {by}. State yours, "
+        f"{lest}: --mass KG --inertia KGM2.",
+    )
+
 
 @dataclass(frozen=True)
 class ControlLoop:
@@ -175,7 +196,7 @@ class ControlLoop:
     mass_kg: float
     inertia_kg_m2: float
     chosen: tuple[str, ...]
-    """What was not stated and is chosen here: `mass` by the own frequency, `inertia`."""
+    """What was not stated and is chosen here: `mass`, `inertia`."""
     gains: Gains
     poses: F
     """(N, 6) poses for which it was designed."""
@@ -202,13 +223,8 @@ class ControlLoop:
     def sentences(self) -> tuple[str, ...]:
         """What the loop can bear, in words."""
         w, delay = self.gains.bandwidth_rad_s, 1e3 * self.gains.delay_steps * self.gains.dt_s
-        sizes = {"mass": f"{self.mass_kg:.3g} kg", "inertia": f"{self.inertia_kg_m2:.3g} kg m2"}
-        size = sizes[self.chosen[0]] if self.chosen else ""
-        by = "the mechanism's own frequency" if "mass" in self.chosen else "its stiffness"
-        chosen = self.chosen and (
-            f"Not stated: {' and '.join(self.chosen)} of the platform. The loop is for {size}, by "
-            f"{by}. State yours, or its gains do not fit: --mass KG --inertia KGM2.",
-        )
+        sizes = self.mass_kg, self.inertia_kg_m2
+        chosen = not_stated(self.chosen, sizes, "The loop is", "or its gains do not fit")
         stated = (
             f"{self.mass_kg:.3g} kg and {self.inertia_kg_m2:.3g} kg m2, a step of "
             f"{1e3 * self.gains.dt_s:.3g} ms and a delay of at most {delay:.3g} ms"
@@ -290,7 +306,7 @@ def design_loop(
     """
     settings = settings or LoopSettings()
     softness = (*SOFTNESS[:-1], SOFTNESS[-1] * (1.0 + stiffer))
-    mass, inertia = _mass(stiffness, settings)
+    mass, inertia = platform_for(stiffness, settings)
     weights = 1.0 / np.array([mass] * 3 + [inertia] * 3)
     modes = np.linalg.eigvals(weights[:, None] * stiffness).astype(np.complex128)
     dt, delay = settings.dt_s, settings.delay_steps
@@ -306,11 +322,7 @@ def design_loop(
     return ControlLoop(
         mass_kg=mass,
         inertia_kg_m2=inertia,
-        chosen=tuple(
-            name
-            for name, value in (("mass", settings.mass_kg), ("inertia", settings.inertia_kg_m2))
-            if value is None
-        ),
+        chosen=settings.not_stated,
         gains=gains,
         poses=poses,
         holds=holds,
@@ -320,7 +332,7 @@ def design_loop(
     )
 
 
-def _mass(stiffness: F, settings: LoopSettings) -> tuple[float, float]:
+def platform_for(stiffness: F, settings: LoopSettings) -> tuple[float, float]:
     """The stated mass and inertia, or those at which the stiffest mode has 100 rad/s.
 
     What is stated of the two scales the other: a light platform turns easily as well.

@@ -364,24 +364,23 @@ _SMALL_ERROR = 0.15
 def folded(model: EvaluatedModel) -> tuple[Folded, float]:
     """The smallest map that is near enough to the base with its effects, and how far it differs.
 
-    Rms of the worst component over the noise at measured poses. An energy; of few pose columns,
-    and of a polynomial of some wrench columns, which have no energy, the lowest polynomial.
+    Rms of the worst component over the noise at measured poses. An energy; of what is none, or has
+    not the twelve columns and a length of one, the lowest polynomial where no energy is near.
     """
-    base = model.base
-    few = len(base.inputs) < len(POSE)
-    if few or (isinstance(base, PolynomialMap) and not is_whole(base)):
+    base, length = model.base, model.known_length_m
+    fits: list[Callable[[F, F], Folded]] = []
+    if is_whole(base) and length is not None:
+        fits = [EnergyTerms(length, *form).fit for form in _ENERGIES]
+    if not fits or base.document().get("kind") not in ("energy", "physics"):
         least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
         most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
 
-        def polynomial(degree: int, poses: F, wrenches: F) -> PolynomialMap:
-            fitted = _native.PolynomialEvaluator.fit(poses, wrenches, degree)
-            return PolynomialMap(fitted, base.inputs, base.outputs)
+        def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
+            one = _native.PolynomialEvaluator.fit(poses, wrenches, degree)
+            return PolynomialMap(one, base.inputs, base.outputs)
 
-        degrees = range(least, most + 1)
-        return _first_near_enough([partial(polynomial, degree) for degree in degrees], model)
-    rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
-    length = float(rest[0, 0])
-    return _first_near_enough([EnergyTerms(length, *form).fit for form in _ENERGIES], model)
+        fits += [partial(fitted, degree) for degree in range(least, most + 1)]
+    return _first_near_enough(fits, model)
 
 
 def _first_near_enough(

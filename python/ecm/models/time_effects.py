@@ -40,6 +40,7 @@ from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
 NEEDS_ENERGY = "steps need an energy or physics model: fit one"
+NEEDS_POLYNOMIAL = "steps along a single coordinate need a polynomial: fit one"
 _NOT_PASSIVE = (
     "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
     "large cycles. Keep the loop's own damping."
@@ -52,6 +53,10 @@ _FARTHEST = 4.0
 """Largest coordinate of a step over the largest measured one: farther ones are a fault."""
 _ONLY_IN_MOTION = ("inertia", "viscous_damping")
 """Effects that vanish at rest; the mass belongs to the robot's dynamics."""
+_OF_THE_RIG = {
+    "payload": "a weight at the sensor: where the robot carries it, it belongs to the robot's mass"
+}
+"""Why an effect of the measurement that is no error of it is left out."""
 _ALIKE = 0.3
 """Change over the noise by which data cannot tell two forms of relaxation apart."""
 
@@ -168,11 +173,13 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     """
     found = TimeEffects({"length_m": model.known_length_m or 1.0})
     line = to == "c" and len(model.base.inputs) == len(model.base.outputs) == 1
-    kinds = ("polynomial",) if line else _ENERGIES
+    kind, kinds = model.base.document().get("kind"), ("polynomial",) if line else _ENERGIES
     for item in model.effects:
         effect = item.effect
         if effect.side == "measurement":
-            found.left_out[item.id] = "an error of the instruments: the robot does not have it"
+            found.left_out[item.id] = _OF_THE_RIG.get(
+                item.id, "an error of the instruments: the robot does not have it"
+            )
         elif effect.kind == "pose":
             continue
         elif actuators_of(model.base):
@@ -181,10 +188,10 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
             )
         elif to == "none":
             found.left_out[item.id] = "these files have no state and no temperature"
-        elif model.base.document().get("kind") not in kinds:
-            found.left_out[item.id] = _without_steps(model)
+        elif kind not in kinds or (line and item.id not in _ALONG_A_LINE):
+            found.left_out[item.id] = _without_steps(model, item.id, to)
         else:
-            why = _add(found, model, effect, item.values, line)
+            why = _add(found, model, effect, item.values)
             if why:
                 found.left_out[item.id] = why
             else:
@@ -198,13 +205,18 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     return found
 
 
-def _without_steps(model: EvaluatedModel) -> str:
-    """Why the files of a model have no steps, and what has."""
+def _without_steps(model: EvaluatedModel, id: str, to: str) -> str:
+    """Why the files of a model have no steps of an effect, and what has."""
     if is_whole(model.base):
         return NEEDS_ENERGY
     if len(model.inputs) == len(model.outputs) == 1:
-        return "along a single coordinate only polynomials in c step: ecm fit --model cubic, --to c"
-    return "only all six columns, or one of each in c, step; ecm predict has it for a whole table"
+        if to != "c":
+            return "along a single coordinate only c and fmu step"
+        return NEEDS_POLYNOMIAL if id in _ALONG_A_LINE else _NOT_ALONG_A_LINE
+    return (
+        "only all six columns, or one of each in c and fmu, step; ecm predict has it for a whole "
+        "table"
+    )
 
 
 def _size_of(model: EvaluatedModel, id: str) -> str:
@@ -226,10 +238,8 @@ def _limits(model: EvaluatedModel, line: bool) -> list[float]:
     return [float(middle) - far, float(middle) + far]
 
 
-def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F, line: bool) -> str:
+def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F) -> str:
     """Add the constants of one effect, or say why it has no step."""
-    if line and effect.id not in _ALONG_A_LINE:
-        return _NOT_ALONG_A_LINE
     if effect.id in _MAKERS:
         return _MAKERS[effect.id](found, model, effect, values)
     if effect.id == "inertia":
@@ -301,7 +311,7 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
         found.document["slip"] = _single(path)
         found.document["play"] = _single(path - pulls)
         return ""
-    if effect.yield_m <= 0.0:
+    if effect.yield_m <= 0.0 and not effect.slip:
         return (
             "it follows the pose before, which a motion does not have: with time_s in the data "
             "ecm refit fits springs that slip"

@@ -28,7 +28,7 @@ from ecm.models.export.simulators import fmu, mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
-from ecm.models.time_effects import NEEDS_ENERGY, time_effects
+from ecm.models.time_effects import NEEDS_ENERGY, NEEDS_POLYNOMIAL, time_effects
 from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
@@ -342,23 +342,36 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
         raise InputError(
             f"{model.name}: {'; '.join(exported.lost.values())}: the controller would not have the "
             "model that was fitted.",
-            remedy=_on_an_energy(model, exported) or _without(list(exported.lost), again),
+            remedy=_that_steps(model, exported, to, name) or _without(list(exported.lost), again),
         )
 
 
-def _on_an_energy(model: Model, exported: Exported) -> Remedy | None:
-    """Fit the effects with a base that steps; None where another base would not keep them."""
-    known = model.known_length_m is not None
-    if not known or any(NEEDS_ENERGY not in why for why in exported.lost.values()):
+def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy | None:
+    """C where Rust has no steps, or a base that steps; None where neither keeps the effects."""
+    steps = time_effects(model, "c")
+    if to == "rust" and not steps.lost:
+        return Remedy(
+            "export it to c, which steps (or export all the same with --force)",
+            f"ecm export MODEL --to c --out OUT --name {name}",
+            force=True,
+        )
+    reasons = {steps.left_out[id] for id in steps.lost}
+    base, alias = _STEPPING.get(reasons.pop(), ("", "")) if len(reasons) == 1 else ("", "")
+    unknown = base == "an energy" and model.known_length_m is None
+    if not base or unknown or TARGETS[to].language == "none":
         return None
     ids = [item.id for item in model.effects]
     options = " ".join(f"--add {id}" for id in ids)
     return Remedy(
-        f"fit an energy with {' and '.join(ids)}, which steps, and compare "
+        f"fit {base} with {' and '.join(ids)}, which steps, and compare "
         "(or export all the same with --force)",
-        f"ecm fit DATA --model energy4 {options} --out energy.json",
+        f"ecm fit DATA --model {alias} {options} --out {alias.rstrip('4')}.json",
         force=True,
     )
+
+
+_STEPPING = {NEEDS_ENERGY: ("an energy", "energy4"), NEEDS_POLYNOMIAL: ("a polynomial", "cubic")}
+"""The base that steps where another does not: words, and its name for `ecm fit`."""
 
 
 def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:
@@ -405,14 +418,6 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
             f"{model.name}: effects on the pose are folded into a map of the pose alone, which has "
             "no inputs for actuators",
             remedy=without(acting, ", and export that"),
-        )
-    whole = is_whole(model.base)
-    few = len(model.inputs) < len(POSE)
-    if not (has_code or few or (whole and model.known_length_m)):
-        raise InputError(
-            f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
-            "all six pose and wrench columns and a length: fit a polynomial or an energy",
-            remedy=Remedy("fit a polynomial", "ecm fit DATA --model linear --out linear.json"),
         )
     one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"

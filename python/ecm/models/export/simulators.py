@@ -106,7 +106,7 @@ def mujoco(source: Source) -> Exported:
     compared = source.poses(_COMPARED)
     linear = wrench + (compared[:, :6] - pose) @ stiffness
     lost = _lost(source.inside.base.predict(compared), linear, skew)
-    mass, inertia = source.platform
+    mass, inertia, chosen = source.platform()
     poses = source.poses()
     alone = largest_step(source.inside, poses, mass, inertia)
     shared = largest_step(source.inside, poses, mass, inertia, stiffness)
@@ -135,8 +135,9 @@ def mujoco(source: Source) -> Exported:
         f"{name}_build.sh": source.template("mujoco/build.sh"),
     }
     notes = (
+        *chosen,
         f"The plugin is the whole model. For a platform of {mass:.3g} kg and {inertia:.3g} kg m2 "
-        f"(--mass, --inertia) {name}_free.xml, the plugin alone, is stable up to steps of "
+        f"{name}_free.xml, the plugin alone, is stable up to steps of "
         f"{alone:.2g} s; {name}_plugin.xml, with the linear part as damped tendons that the "
         f"implicit integrator sees, {_said(shared)} (linear theory at {len(poses)} poses).",
         f"{name}.xml, the linear part without a plugin:",
@@ -243,15 +244,17 @@ def opensim(source: Source) -> Exported:
     poses = source.poses(_POSES)
     wrenches = source.inside.base.predict(poses)
     expressions, degree, change = fitted_expressions(poses, wrenches, noise_sd(source.model))
+    mass, inertia, chosen = source.platform()
     values = {
-        "MASS": f"{source.platform[0]:.9g}",
-        "INERTIA": f"{source.platform[1]:.9g}",
+        "MASS": f"{mass:.9g}",
+        "INERTIA": f"{inertia:.9g}",
         "REST": f"{poses[:, 0].mean():.9g}",
         "DEGREE": str(degree),
         "CHANGE": f"{change:.2g}",
         **expressions,
     }
     notes = (
+        *chosen,
         f"Polynomials of degree {degree} in the six deflections differ from the model by "
         f"{change:.2g} of the measurement noise (rms, worst component, poses like the measured "
         "ones); beyond the measured range they mean nothing. No state: effects of time stay out.",

@@ -18,11 +18,11 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Printed
 from ecm.models.actuated import ActuatedMap
-from ecm.models.control_loop import ControlLoop, LoopSettings
+from ecm.models.control_loop import ControlLoop, LoopSettings, not_stated, platform_for
 from ecm.models.controller import AdaptSettings
 from ecm.models.measured_poses import poses_like_measured, reach_of
 from ecm.models.model import Model
-from ecm.models.time_effects import TimeEffects
+from ecm.models.time_effects import TimeEffects, time_effects
 from ecm.regression.rows import is_whole, taken_by
 
 _FLAGS = ("-std=c99", "-O2", "-s", "-shared", "-fvisibility=hidden")
@@ -85,8 +85,6 @@ def shared_library(
 
 
 Precision = Literal["double", "single"]
-_MASS_KG, _INERTIA_KG_M2 = 0.1, 1e-4
-"""Mass and inertia of the platform where neither is stated."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +113,13 @@ class Source:
         """Whether the model takes a pose to a wrench."""
         return is_whole(self.inside.base)
 
-    @property
-    def platform(self) -> tuple[float, float]:
-        """Mass of the platform (kg), and its inertia (kg m2) about any axis."""
+    def platform(self) -> tuple[float, float, tuple[str, ...]]:
+        """Mass (kg) and inertia (kg m2) as for a loop, and what a reader must know of them."""
         loop = self.loop or LoopSettings()
-        return loop.mass_kg or _MASS_KG, loop.inertia_kg_m2 or _INERTIA_KG_M2
+        stiffness = self.inside.base.stiffness(self.poses(), "screw")
+        mass, inertia = platform_for(stiffness, loop)
+        lest = "or the simulated platform is another"
+        return mass, inertia, not_stated(loop.not_stated, (mass, inertia), "The files are", lest)
 
     def code(self, language: Literal["c", "rust"] = "c") -> dict[str, str]:
         """Source code of the model by its path."""
@@ -161,8 +161,8 @@ class Source:
             )
         if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
             remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
-            if self.timed.lost:  # what c refuses as well
-                remedy = without(list(self.timed.lost), ", and export it to c")
+            if lost := time_effects(self.model, "c").lost:  # what c refuses as well
+                remedy = without(list(lost), ", and export it to c")
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
                 f"wrench; this one takes {', '.join(self.inside.inputs)} to "
@@ -179,7 +179,11 @@ class Source:
         keep, drop = ("@+", "@-") if self.has_state else ("@-", "@+")
         lines = text.split("\n")
         text = "\n".join(line.removeprefix(keep) for line in lines if not line.startswith(drop))
-        common = {"NAME": self.name, "STEPS": str(int(self.has_state))}
+        common = {
+            "NAME": self.name,
+            "STEPS": str(int(self.has_state)),
+            "DOWN": " ".join(f"{x:.9g}" for x in self.model.scene.gravity_m_s2),
+        }
         for key, value in {**(values or {}), **common}.items():
             text = text.replace(f"@{key}@", value)
         return text
