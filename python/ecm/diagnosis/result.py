@@ -423,7 +423,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
-    _, _, total = problem.normal.total()
+    _, _, total = problem.normal.total
     now = total / problem.scale / problem.size
     return RankedEffect(
         id=item.id,

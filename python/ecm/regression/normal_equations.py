@@ -75,9 +75,12 @@ class NormalEquations:
             np.zeros(k) if precision is None else precision,
         )
 
+    @cached_property
     def total(self) -> tuple[F, F, float]:
         """G, c, s of all groups together."""
-        return self._total
+        matrix = self.rows.T @ self.rows
+        matrix[np.diag_indices_from(matrix)] += self.precision
+        return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
         """The equations of some of the columns, in their order."""
@@ -90,12 +93,6 @@ class NormalEquations:
         group = np.repeat(np.arange(len(sizes)), sizes)
         squares = np.asarray(np.bincount(group, response**2, len(sizes)), dtype=np.float64)
         return NormalEquations(rows, response, self.bounds, squares, np.zeros(rows.shape[1]))
-
-    @cached_property
-    def _total(self) -> tuple[F, F, float]:
-        matrix = self.rows.T @ self.rows
-        matrix[np.diag_indices_from(matrix)] += self.precision
-        return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(
         self,
@@ -117,7 +114,7 @@ class NormalEquations:
             (r, b) orthonormal columns that rows and response are without; they are fitted as well.
         """
         own = self.only(columns)
-        matrix, vector, _ = own.total()
+        matrix, vector, _ = own.total
         if known is not None:
             matrix, vector = matrix + known[0].T @ known[0], vector + known[1] @ known[0]
         result = np.zeros(len(self.squares))
