@@ -9,11 +9,9 @@ the number of threads, and neither do the bits of a result.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Thread
 from typing import TypeVar
 
 import numpy as np
@@ -331,30 +329,6 @@ def _in_threads(work: Callable[[U], T], items: Sequence[U]) -> Iterator[T]:
         return
     with ThreadPoolExecutor(own_cores()) as pool:
         yield from pool.map(work, items)
-
-
-@contextmanager
-def beside(work: Callable[[], T]) -> Iterator[Future[T]]:
-    """Do a work in a thread of its own while the block goes on; its `result()` waits for it.
-
-    Examples
-    --------
-    >>> with beside(lambda: sum(range(10))) as total:
-    ...     other = 5
-    >>> total.result() + other
-    50
-    """
-    done: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            done.set_result(work())
-        except BaseException as error:  # raised where the result is asked for
-            done.set_exception(error)
-
-    # A daemon: who is interrupted does not wait for it.
-    Thread(target=run, daemon=True).start()
-    yield done
 
 
 def triangles_of_folds(
