@@ -7,17 +7,19 @@ named together with the extra that installs it.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from ecm.errors import EcmError, InputError, MissingExtra, shortened
+from ecm.errors import ComputationError, EcmError, InputError, MissingExtra, shortened
 from ecm.io.cache import atomic, write_atomically
 from ecm.io.csv import RawTable, raw_table
 
@@ -159,6 +161,37 @@ def in_background(work: Callable[[], T]) -> Future[T]:
     # A daemon: neither who is interrupted nor the end of the process waits for it.
     Thread(target=run, daemon=True).start()
     return done
+
+
+def compiled(
+    command: Sequence[str], sources: Mapping[str, str], names: Sequence[str], what: str = ""
+) -> bytes:
+    """Return the shared library of C sources that a compiler makes of them, in memory.
+
+    Parameters
+    ----------
+    command
+        The compiler and its options.
+    sources
+        Text of each file by its path; headers among them.
+    names
+        Which of them are compiled.
+    what
+        What they are; the message where it fails says so.
+    """
+    with TemporaryDirectory() as folder:
+        for path, text in sources.items():
+            (Path(folder) / path).write_text(text, encoding="utf-8")
+        done = subprocess.run(
+            [*command, *names, "-o", "library.bin"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode != 0:
+            raise ComputationError(f"{command[0]} cannot compile{what}: {done.stderr[:300]}")
+        return (Path(folder) / "library.bin").read_bytes()
 
 
 def dask_client(scheduler: str, *, timeout_s: float = 10.0) -> Any:

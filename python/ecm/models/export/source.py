@@ -13,8 +13,8 @@ from ecm._native import export_model, seal_model
 from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.compiler import compiled
 from ecm.io.events import Printed
+from ecm.io.extras import compiled
 from ecm.models.actuated import ActuatedMap
 from ecm.models.control_loop import ControlLoop, LoopSettings
 from ecm.models.controller import AdaptSettings

@@ -38,7 +38,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.compiler import compiled
+from ecm.io.extras import compiled
 from ecm.rig.elastic import (
     SYMMETRY,
     UNIFORM,
