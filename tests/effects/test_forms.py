@@ -296,9 +296,9 @@ def test_gains_beside_fixed_columns_are_those_of_whole_fits() -> None:
     design, y = random.standard_normal((40, 2, 9)), random.standard_normal((40, 2))
     groups = np.repeat(np.arange(10), 4)
     gram = NormalEquations.of(design, y, groups, random.uniform(0.5, 1.0, 40))
-    matrix, vector, _ = gram.total()
+    matrix, vector, _ = gram.total
     assert np.allclose(gram.rows.T @ gram.rows, matrix)
-    assert np.allclose(gram.only((3, 1)).total()[0], matrix[np.ix_([3, 1], [3, 1])])
+    assert np.allclose(gram.only((3, 1)).total[0], matrix[np.ix_([3, 1], [3, 1])])
     left = projected_out(matrix, vector, (0, 1))
     found = explained_by_blocks((matrix, vector), left, [(2,), (3, 4), (5, 6), (8,)])
     for gain, block in zip(found, [(2,), (3, 4), (5, 6), (8,)], strict=True):
@@ -313,7 +313,7 @@ def test_a_coefficient_of_the_wrong_sign_explains_nothing() -> None:
     design = random.standard_normal((40, 2, 5))
     y = design @ np.array([1.0, 2.0, -1.0, 0.5, -2.0])
     gram = NormalEquations.of(design, y, np.repeat(np.arange(10), 4))
-    matrix, vector, _ = gram.total()
+    matrix, vector, _ = gram.total
     left = projected_out(matrix, vector, (0,))
     signs = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
     blocks = [(1, 2), (1, 3), (2,), (3, 4)]

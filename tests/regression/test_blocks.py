@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from threading import Barrier, Event
+from threading import Barrier
 
 import pytest
 
-from ecm.regression.normal_equations import beside, in_threads
+from ecm.io.extras import in_background
+from ecm.regression.normal_equations import in_threads
 
 
 def test_items_are_worked_on_at_once_and_come_back_in_order(
@@ -28,22 +29,10 @@ def test_an_error_of_an_item_is_raised() -> None:
         in_threads(lambda item: 1 // item, [1, 0, 1])
 
 
-def test_a_work_goes_on_beside_the_block_and_its_error_is_raised_where_it_is_asked_for() -> None:
+def test_a_work_goes_on_in_the_background_and_its_error_is_raised_where_it_is_asked_for() -> None:
     both = Barrier(2, timeout=10.0)
-    with beside(both.wait) as waited:
-        both.wait()
+    waited = in_background(both.wait)
+    both.wait()
     assert waited.result() in (0, 1)
-    with beside(lambda: 1 // 0) as failed:
-        pass
     with pytest.raises(ZeroDivisionError):
-        failed.result()
-
-
-def test_who_is_interrupted_does_not_wait_for_the_work_beside() -> None:
-    end = Event()
-    try:
-        with pytest.raises(KeyboardInterrupt), beside(lambda: end.wait(10.0)) as work:
-            raise KeyboardInterrupt
-        assert not work.done()
-    finally:
-        end.set()
+        in_background(lambda: 1 // 0).result()

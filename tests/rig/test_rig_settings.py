@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-import ecm.rig
 from ecm.errors import InputError
 from ecm.io.settings import read_toml
 from ecm.rig import RigSettings
@@ -53,20 +50,6 @@ def test_wrong_entries_are_refused(tables: dict[str, Any], words: list[str]) -> 
         RigSettings.from_dict(tables, "rig.toml")
     for word in words:
         assert word in str(caught.value)
-
-
-def test_the_rig_knows_nothing_of_models_and_effects() -> None:
-    forbidden = ("ecm.effects", "ecm.models", "ecm.diagnosis", "ecm.comparison")
-    files = list(Path(ecm.rig.__file__).parent.rglob("*.py"))
-    assert len(files) > 20
-    for file in files:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            names: list[str] = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                names = [f"{node.module}.{alias.name}" for alias in node.names]
-            assert not any(n.startswith(forbidden) for n in names), file.name
 
 
 def test_the_example_shows_every_key_at_its_default() -> None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,7 +21,7 @@ from ecm.bench.devices import Device, DeviceError
 from ecm.bench.measured import THE_END, Run, Taken
 from ecm.errors import EcmError
 from ecm.io.arrays import F
-from ecm.io.extras import require
+from ecm.io.extras import in_background, require
 from ecm.io.se3 import displaced
 from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Visit
 from ecm.rig.plan import POSE as AT_POSE
@@ -40,16 +39,7 @@ class Status:
     """A call in a thread of its own, as Bluesky waits for it."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
-        self._future: Future[Any] = Future()
-
-        def run() -> None:
-            try:
-                self._future.set_result(work())
-            except BaseException as error:
-                self._future.set_exception(error)
-
-        # A daemon: a device that never answers must not keep the process.
-        threading.Thread(target=run, daemon=True).start()
+        self._future = in_background(work)
 
     def add_callback(self, callback: Callable[[Any], None]) -> None:
         self._future.add_done_callback(lambda _: callback(self))

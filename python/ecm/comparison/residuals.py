@@ -71,14 +71,9 @@ def in_one_order(one: F, other: F, parts: I | None = None, *, least: float = _OR
 
 def _ranks(values: F, parts: I) -> F:
     """(N,) ranks; equal values of a group share theirs. Other groups only shift them."""
-    order = np.lexsort((values, parts))
-    first = np.diff(values[order], prepend=np.nan) != 0.0
-    first |= np.diff(parts[order], prepend=-1) != 0
-    tie = np.cumsum(first) - 1
-    middle = np.bincount(tie, np.arange(len(values))) / np.bincount(tie)
-    ranks = np.empty(len(values))
-    ranks[order] = middle[tie]
-    return ranks
+    own = parts * len(values) + np.unique(values, return_inverse=True)[1]
+    _, tie, count = np.unique(own, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(count) - 0.5 * count)[tie])
 
 
 def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:

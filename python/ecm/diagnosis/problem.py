@@ -551,7 +551,7 @@ class Problem:
     @cached_property
     def squares_beside_base(self) -> float:
         """Weighted squares of the response that the base leaves."""
-        matrix, vector, total = self.normal.total()
+        matrix, vector, total = self.normal.total
         return max(total - explained_squares(matrix, vector, self.base_index), 0.0)
 
     @cached_property
@@ -559,7 +559,7 @@ class Problem:
         """Matrix (K, K) and vector (K,) of all rows over the noise scale; do not change them."""
         if self.reduced is not None:
             return self.reduced
-        matrix, vector, _ = self.normal.total()
+        matrix, vector, _ = self.normal.total
         return matrix / self.scale, vector / self.scale
 
     def squares_of(self, whitened: F) -> float:
@@ -799,7 +799,7 @@ def _least_scale(problem: Problem) -> float:
 
 def _significant(problem: Problem) -> F:
     """Return the (N, m, k) whitened columns of the significant effects."""
-    matrix, vector, _ = problem.normal.total()
+    matrix, vector, _ = problem.normal.total
     taken = significant_columns(
         (matrix, vector),
         problem.squares_beside_base,

@@ -54,7 +54,7 @@ from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.io.arrays import F, rest_of
 from ecm.io.description import shown_ranges
 from ecm.io.events import fields_json, to_json
-from ecm.io.extras import require
+from ecm.io.extras import in_background, require
 from ecm.io.sanity import never_excited, time_unit, unstated, zero_column_sentences
 from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
@@ -66,7 +66,6 @@ from ecm.models.refit import Addition
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import HOW, RowsUsed, held_out_by
 from ecm.regression.noise import Noise, lacking_figures
-from ecm.regression.normal_equations import beside
 from ecm.regression.rows import derived_columns
 from ecm.report import figures as draw
 from ecm.report.blocks import Block, Report, Shown
@@ -317,8 +316,8 @@ def report(
     noise
         Noise of the rows, where the user gave it.
     """
-    with beside(lambda: judge_given_model(model, decision, noise=noise)) as judged:
-        made = _report(decision, seed, judged)
+    judged = in_background(lambda: judge_given_model(model, decision, noise=noise))
+    made = _report(decision, seed, judged)
     statement = made.model.statement
     if statement is None or made.answer:
         return made
@@ -423,7 +422,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
-    _, _, total = problem.normal.total()
+    _, _, total = problem.normal.total
     now = total / problem.scale / problem.size
     return RankedEffect(
         id=item.id,

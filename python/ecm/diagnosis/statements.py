@@ -16,13 +16,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy import special
 from scipy.optimize import least_squares
 
-from ecm._native import EnergyEvaluator
 from ecm.diagnosis.problem import Candidate, Problem, best_of_each, omnibus_columns
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
@@ -34,7 +32,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
-from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.maps import EnergyMap, EnergyTerms, StiffnessMap
 from ecm.models.physics.build import stated_rod
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE
@@ -276,13 +274,9 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
     """Return the base, and after a symmetric energy that of a body whose ends differ."""
     if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
         return [base]
-    own = base.model
-    terms: dict[str, Any] = {
-        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution", "scale": own.scale
-    }  # fmt: skip
-    count = EnergyEvaluator.regressor(np.array([[own.length_m, *[0.0] * 5]]), **terms).shape[2]
-    unlike = EnergyEvaluator.from_coefficients(coefficients=np.zeros(count), **terms)
-    return [base, EnergyMap(unlike)]
+    terms, scale = replace(base.terms, symmetry="revolution", groups=()), base.model.scale
+    count = terms.regressor(np.array([[terms.length_m, *[0.0] * 5]]), scale).shape[2]
+    return [base, terms.map(scale, np.zeros(count))]
 
 
 def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
@@ -292,8 +286,7 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     length = float(np.linalg.norm(poses[:, :3].mean(axis=0)))
     if not degrees or not length > 0.0:
         return []
-    terms: dict[str, Any] = {"length_m": length, "degree": degrees[0], "symmetry": "general"}
-    return [EnergyMap(EnergyEvaluator.fit(poses, wrench, **terms))]
+    return [EnergyTerms(length, degrees[0], "general").fit(poses, wrench)]
 
 
 def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float:
@@ -555,7 +548,7 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
     # The best shape of every effect: what it does not explain is noise, significant or not.
-    matrix, vector, _ = problem.normal.total()
+    matrix, vector, _ = problem.normal.total
     left = projected_out(matrix, vector, problem.base_index)
     gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
     leading = best_of_each(problem.offered, gains.tolist())

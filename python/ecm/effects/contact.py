@@ -12,7 +12,6 @@ from ecm.effects.protocol import (
     LinearEffect,
     LookAlike,
     Parameter,
-    Shape,
     TimedEffect,
     listed,
     needs_full,
@@ -333,11 +332,11 @@ class Debonding(LinearEffect):
     opens: str = "tension"
     """`tension` (of the centre line), `face` (of its points), `gap_base`, `gap_top`, `hinge`, or
     `torn` at a time."""
-    at_s: float = 0.0
+    at_s: float = optional(0.0)
     """Time of the tear."""
-    bending: float = 0.0
+    bending: float = optional(0.0)
     """Share b of the moment in the pull at the rim of a hinge."""
-    pull_N: float = 0.0
+    pull_N: float = optional(0.0)
     """Pull q0 at which a hinge is half open."""
 
     def __post_init__(self) -> None:
@@ -349,13 +348,6 @@ class Debonding(LinearEffect):
                 Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),
                 Parameter("lift", "m/N", 5e-7, 0.0, 1e-4),
             )
-
-    @property
-    def shape(self) -> Shape:
-        """The way in which the bond opens, with the numbers of that way."""
-        numbers = {"torn": ("at_s",), "hinge": ("bending", "pull_N")}
-        names = ("opens", *numbers.get(self.opens, ()))
-        return {name: value for name, value in super().shape.items() if name in names}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All ways of opening; torn at a few times where time is known."""

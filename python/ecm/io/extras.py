@@ -7,17 +7,23 @@ named together with the extra that installs it.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from threading import Thread
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from ecm.errors import EcmError, InputError, MissingExtra, shortened
+from ecm.errors import ComputationError, EcmError, InputError, MissingExtra, shortened
 from ecm.io.cache import atomic, write_atomically
 from ecm.io.csv import RawTable, raw_table
+
+T = TypeVar("T")
 
 _PACKAGES = {"PIL": "pillow", "sklearn": "scikit-learn"}
 """Packages whose name differs from their module's."""
@@ -133,6 +139,59 @@ def own_cores() -> int:
     """
     own = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return own or 1
+
+
+def in_background(work: Callable[[], T]) -> Future[T]:
+    """Do a work in a thread of its own; `result()` of what is returned waits for it.
+
+    Examples
+    --------
+    >>> total = in_background(lambda: sum(range(10)))
+    >>> 5 + total.result()
+    50
+    """
+    done: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except BaseException as error:  # raised where the result is asked for
+            done.set_exception(error)
+
+    # A daemon: neither who is interrupted nor the end of the process waits for it.
+    Thread(target=run, daemon=True).start()
+    return done
+
+
+def compiled(
+    command: Sequence[str], sources: Mapping[str, str], names: Sequence[str], what: str = ""
+) -> bytes:
+    """Return the shared library of C sources that a compiler makes of them, in memory.
+
+    Parameters
+    ----------
+    command
+        The compiler and its options.
+    sources
+        Text of each file by its path; headers among them.
+    names
+        Which of them are compiled.
+    what
+        What they are; the message where it fails says so.
+    """
+    with TemporaryDirectory() as folder:
+        for path, text in sources.items():
+            (Path(folder) / path).write_text(text, encoding="utf-8")
+        done = subprocess.run(
+            [*command, *names, "-o", "library.bin"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode != 0:
+            raise ComputationError(f"{command[0]} cannot compile{what}: {done.stderr[:300]}")
+        return (Path(folder) / "library.bin").read_bytes()
 
 
 def dask_client(scheduler: str, *, timeout_s: float = 10.0) -> Any:

@@ -9,11 +9,9 @@ the number of threads, and neither do the bits of a result.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Thread
 from typing import TypeVar
 
 import numpy as np
@@ -75,9 +73,12 @@ class NormalEquations:
             np.zeros(k) if precision is None else precision,
         )
 
+    @cached_property
     def total(self) -> tuple[F, F, float]:
         """G, c, s of all groups together."""
-        return self._total
+        matrix = self.rows.T @ self.rows
+        matrix[np.diag_indices_from(matrix)] += self.precision
+        return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
         """The equations of some of the columns, in their order."""
@@ -90,12 +91,6 @@ class NormalEquations:
         group = np.repeat(np.arange(len(sizes)), sizes)
         squares = np.asarray(np.bincount(group, response**2, len(sizes)), dtype=np.float64)
         return NormalEquations(rows, response, self.bounds, squares, np.zeros(rows.shape[1]))
-
-    @cached_property
-    def _total(self) -> tuple[F, F, float]:
-        matrix = self.rows.T @ self.rows
-        matrix[np.diag_indices_from(matrix)] += self.precision
-        return matrix, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(
         self,
@@ -117,7 +112,7 @@ class NormalEquations:
             (r, b) orthonormal columns that rows and response are without; they are fitted as well.
         """
         own = self.only(columns)
-        matrix, vector, _ = own.total()
+        matrix, vector, _ = own.total
         if known is not None:
             matrix, vector = matrix + known[0].T @ known[0], vector + known[1] @ known[0]
         result = np.zeros(len(self.squares))
@@ -334,30 +329,6 @@ def _in_threads(work: Callable[[U], T], items: Sequence[U]) -> Iterator[T]:
         return
     with ThreadPoolExecutor(own_cores()) as pool:
         yield from pool.map(work, items)
-
-
-@contextmanager
-def beside(work: Callable[[], T]) -> Iterator[Future[T]]:
-    """Do a work in a thread of its own while the block goes on; its `result()` waits for it.
-
-    Examples
-    --------
-    >>> with beside(lambda: sum(range(10))) as total:
-    ...     other = 5
-    >>> total.result() + other
-    50
-    """
-    done: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            done.set_result(work())
-        except BaseException as error:  # raised where the result is asked for
-            done.set_exception(error)
-
-    # A daemon: who is interrupted does not wait for it.
-    Thread(target=run, daemon=True).start()
-    yield done
 
 
 def triangles_of_folds(

@@ -23,6 +23,7 @@ from ecm.io.arrays import F
 from ecm.io.se3 import (
     compose,
     nearest_rotation,
+    quaternions_of,
     rotation,
     rotation_vector,
     seen_from,
@@ -127,7 +128,7 @@ def calibrated(instruments: Instruments, seed: int) -> Calibration:
         ]
         true[name], fitted[name] = frame[None], target_frame(bores, np.stack(seen))
     sensor = _sensor(instruments, random)
-    quaternion = _quaternion(sensor[3:])
+    quaternion = quaternions_of(sensor[None, 3:], "wxyz")[0]
     return Calibration(
         tip=seen_from(true["top target"], fitted["top target"])[0],
         base=seen_from(fitted["base target"], true["base target"])[0],
@@ -146,10 +147,3 @@ def _sensor(instruments: Instruments, random: np.random.Generator) -> F:
     read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in true])
     force, torque = sd_of(sensor.row_covariance(WINDOW_S, np.eye(6)))
     return sensor_frame(read, at_top, force_sd_N=force or 1.0, torque_sd_Nm=torque or 0.03)
-
-
-def _quaternion(vector: F) -> tuple[float, float, float, float]:
-    angle = float(np.linalg.norm(vector))
-    axis = vector / angle if angle > 0.0 else vector
-    x, y, z = (np.sin(0.5 * angle) * axis).tolist()
-    return float(np.cos(0.5 * angle)), x, y, z

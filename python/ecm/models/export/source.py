@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Literal
 
 from ecm._native import export_model, seal_model
@@ -17,6 +14,7 @@ from ecm.errors import ComputationError, InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Printed
+from ecm.io.extras import compiled
 from ecm.models.actuated import ActuatedMap
 from ecm.models.control_loop import ControlLoop, LoopSettings, not_stated, platform_for
 from ecm.models.controller import AdaptSettings
@@ -68,20 +66,8 @@ def shared_library(
         looked_for = ", ".join(c[0] for c in commands)
         raise ComputationError(f"no C compiler ({looked_for}) was found; install one")
     extra = ("-fPIC",) if commands is LINUX else ("-static-libgcc", "-Wl,--no-insert-timestamp")
-    with TemporaryDirectory() as folder:
-        for path, text in sources.items():
-            (Path(folder) / path).write_text(text, encoding="utf-8")
-        # Without paths in it, the same sources give the same bytes.
-        done = subprocess.run(
-            [*command, *_FLAGS, *extra, *names, "-o", "library.bin"],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode != 0:
-            raise ComputationError(f"{command[0]} cannot compile: {done.stderr[:300]}")
-        return (Path(folder) / "library.bin").read_bytes()
+    # Without paths in it, the same sources give the same bytes.
+    return compiled([*command, *_FLAGS, *extra], sources, names)
 
 
 Precision = Literal["double", "single"]

@@ -19,11 +19,9 @@ import ctypes
 import hashlib
 import json
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -38,7 +36,9 @@ from ecm._native import (
 )
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, I, rms_of_columns
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.extras import compiled
 from ecm.rig.elastic import (
     SYMMETRY,
     UNIFORM,
@@ -316,19 +316,8 @@ def compile_model(document: str, folder: Path) -> Path:
     library = folder / f"{_FILE}{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
     if library.exists():
         return library
-    compiler = _require_compiler()
+    command = [_require_compiler(), "-std=c99", "-O2", "-fPIC", "-shared"]
     folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=folder) as build:
-        for name in (f"{_NAME}.h", f"{_NAME}.c"):
-            (Path(build) / name).write_text(files[name], encoding="utf-8")
-        output = Path(build) / f"{_NAME}.so"
-        done = subprocess.run(
-            [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"{_NAME}.c", "-o", output.name],
-            cwd=build, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            raise ComputationError(
-                f"{compiler} cannot compile the exported model: {done.stderr[:300]}"
-            )
-        output.replace(library)
+    content = compiled(command, files, [f"{_NAME}.c"], " the exported model")
+    write_atomically(library, content)
     return library

@@ -453,12 +453,9 @@ class Simulation:
         moved: F = np.zeros(6)
         shift = self.jacobian.dot(change_rad)
         moved[:3] = self.position + shift[:3]
-        rotation, result = np.zeros(4), np.zeros(4)
-        angle = float(np.linalg.norm(shift[3:]))
-        axis = shift[3:] / angle if angle > 0.0 else np.array([1.0, 0.0, 0.0])
-        self.library.mju_axisAngle2Quat(rotation, axis, angle)
-        self.library.mju_mulQuat(result, rotation, self.quaternion)
-        self.library.mju_quat2Vel(moved[3:], result, 1.0)
+        turned, turn = self.quaternion.copy(), self._site_axes.reshape(3, 3).T @ shift[3:]
+        self.library.mju_quatIntegrate(turned, turn, 1.0)
+        self.library.mju_quat2Vel(moved[3:], turned, 1.0)
         return moved
 
     def ramp_extra_wrench(self, wrench: F, steps: int) -> None:
