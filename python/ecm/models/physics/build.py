@@ -86,7 +86,7 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
 
 
 _MOST_STRAIN = 0.4
-"""Of the outermost fibre, in the usual workspace; the neck has 0.26 there."""
+"""Largest strain of the outermost fibre in the usual workspace; the neck has 0.26 there."""
 
 
 def usual_rotation_rad(shape: Mechanism) -> float:
