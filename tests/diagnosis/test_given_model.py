@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, statements
+from ecm.diagnosis.given_model import _Judged
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
@@ -75,6 +77,23 @@ def test_a_model_and_its_refit_are_judged_on_the_same_rows() -> None:
     assert found.answer == "form"
     assert found.refitted is not None
     assert found.refitted.rmse == pytest.approx(found.as_given.rmse, rel=1e-6)
+
+
+@pytest.mark.parametrize(("again", "answer"), [(1.2, "effect"), (1.0, "numbers")])
+def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) -> None:
+    """The fit that was to be made again had been made: 1.18 times the noise, again 1.2 times."""
+    judged = _Judged.__new__(_Judged)
+    known = {
+        "decision": SimpleNamespace(unknown=None, verdict="none"),
+        "result": SimpleNamespace(unused_inputs=(), missing=True),
+        "given": SimpleNamespace(over_noise=1.18),
+        "refitted": SimpleNamespace(over_noise=again),
+        "is_form_of_base": True, "shown": True, "fits_again": True, "reason": "",
+    }  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in known.items():
+            patch.setattr(_Judged, name, value, raising=False)
+        assert judged.answer == answer
 
 
 def test_aprils_model_on_mays_data() -> None:

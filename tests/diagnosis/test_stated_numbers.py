@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,6 +71,19 @@ def test_noise_that_is_stated_wrongly(stated: float, repeats: int, within: float
     factors = [float(match[1]) for match in said if match]
     assert found.verdict == "none"
     assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=within)])
+
+
+def test_a_base_that_errs_less_at_these_rows_is_no_quieter_noise(neck_physics: PhysicsMap) -> None:
+    """Right figures were to be mended: 0.51 times, where the mount's own error filled the rest."""
+    family = neck_physics.family
+    assert family is not None
+    larger = family.error * (1.5 * NOISE / neck_physics.own_error)
+    careful = replace(neck_physics, family=replace(family, error=larger))
+    careful = careful.with_coefficients(careful.coefficients)
+    poses = workspace_poses(90, 7)
+    table = measured(poses, careful.predict(poses))
+    found = diagnose(Model(base=careful), table, effects=EFFECTS)
+    assert not any("mend the figures" in words for words in found.warnings)
 
 
 def test_few_repeats_and_all_rows_tell_that_the_declared_noise_is_too_large() -> None:

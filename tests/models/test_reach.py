@@ -16,6 +16,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table
 from ecm.models import Model
+from ecm.models.layout import plain
 from ecm.models.physics import body_fits
 from ecm.models.physics.body_fits import Solved
 from ecm.models.physics.build import (
@@ -127,9 +128,16 @@ def test_a_wide_family_of_other_poses_is_not_taken_from_the_cache(
         assert (keys[-1] == before) == (limit == 0.8)
 
 
+def turned_in_place(base: PhysicsMap) -> PhysicsMap:
+    """The same of a FEM that has met every shift: only turns are beyond it."""
+    assert base.family is not None
+    return replace(base, family=replace(base.family, shifts=np.array([-1.0, 1.0, 1.0])))
+
+
 def test_poses_beyond_the_fem_are_said(neck_physics: PhysicsMap, tmp_path: Path) -> None:
     """`predict` and `compare`; not within the reach, and not by a map of given pairs."""
     assert neck_physics.reach_rad == pytest.approx(0.88, abs=0.02)
+    neck_physics = turned_in_place(neck_physics)
     poses = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.8], (3, 1))
     poses[:, 1] = [0.0, 1e-3, 2e-3]
     table = as_table(dict(zip(POSE, poses.T.copy(), strict=True)))
@@ -151,6 +159,28 @@ def test_poses_beyond_the_fem_are_said(neck_physics: PhysicsMap, tmp_path: Path)
     assert not predict(Model(base=physics()), far).warnings
 
 
+def test_shifts_beyond_the_fem_are_said_and_their_error_is_in_the_sd() -> None:
+    """A neck pulled by 30 mm had a force of the wrong sign, without a word and within 1 N."""
+    neck = Mechanism()
+    poses = np.tile([0.1034, 0.0, 0.0, 0.0, 0.0, 0.0], (6, 1))
+    poses[:, 0] += [-0.008, 0.0, 0.01, 0.015, 0.02, 0.03]
+    poses[1, 1] = 0.03
+    base = physics_map(neck)
+    predicted = predict(Model(base=base), dict(zip(POSE, poses.T.copy(), strict=True)))
+    (said,) = predicted.warnings
+    assert said.startswith("4 of 6 poses are pulled, pressed or pushed aside further than the FEM")
+    truth = neck.fem().solve_poses(poses).wrenches
+    error = np.abs(predicted["fx_N"] - truth[:, 0])
+    sd = predicted["sd_fx_N"]
+    assert (error < 3.0 * sd)[2:].all()
+    assert (np.maximum(error, sd)[:2] < 0.01 * np.linalg.norm(truth[:2, :3], axis=1)).all()
+    assert base.family is not None
+    # A file of before has one scale of all directions, and no shifts.
+    before = {key: value for key, value in plain(base.family).items() if key != "shifts"}
+    scale = float(base.family.scale[0])
+    assert PhysicsFamily.from_dict(before).shifts.tolist() == [-scale, scale, scale]
+
+
 def test_the_rows_of_a_wide_family_carry_its_error_where_they_turn_far(
     neck_physics: PhysicsMap,
 ) -> None:
@@ -158,6 +188,7 @@ def test_the_rows_of_a_wide_family_carry_its_error_where_they_turn_far(
     assert neck_physics.family is not None
     scale = np.array([neck_physics.family.scale[0], 2.3])
     wide = replace(neck_physics, family=replace(neck_physics.family, scale=scale))
+    wide = turned_in_place(wide)
     poses = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (4, 1))
     poses[:, 5] = [1.1, 1.7, 2.1, 2.3]
     predicted = predict(Model(base=wide), dict(zip(POSE, poses.T.copy(), strict=True)))

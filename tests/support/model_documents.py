@@ -54,7 +54,7 @@ def _family() -> PhysicsFamily:
     return PhysicsFamily(
         degree=2, symmetry="alike", scale=np.array([0.1, 1.0]), table=table, centre=(0.03, 0.64),
         width=0.2, s_range=(0.0, 0.3), x_range=(-0.1, 0.1), error=np.full((2, 6), 1e-5),
-        error_over_noise=np.full(3, 0.1),
+        error_over_noise=np.full(3, 0.1), shifts=np.array([-0.1, 0.02, 0.1]),
     )  # fmt: skip
 
 

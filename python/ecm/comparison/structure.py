@@ -289,8 +289,9 @@ class RunOutlier:
 def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> list[RunOutlier]:
     """Return the runs that the others do not predict, for one pose and one wrench column.
 
-    A cubic through each other run is compared with each run. Fewer than three runs give none: of
-    two nobody can tell which one is wrong.
+    A cubic through each other run is compared with each run. Strange is one that is unlike most
+    runs and unlike its nearest as well: fast or wide ones agree among themselves. Fewer than three
+    runs give none: of two nobody can tell which one is wrong.
     """
     if len(inputs) != 1 or len(outputs) != 1 or not table.has("run"):
         return []
@@ -301,19 +302,20 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
         return []
     curves = [(x[run == n], y[run == n]) for n in numbers]
 
-    def error(of: tuple[F, F], left_out: int) -> float:
-        """Each run against each other one: the median does not see a single strange run."""
+    def error(of: tuple[F, F], left_out: int) -> F:
+        """(2,) against the other runs, the median and the nearest: neither sees one strange run."""
         misses = [_miss(of, by) for i, by in enumerate(curves) if i != left_out]
-        return float(np.median(misses)) / rms(of[1])
+        return np.array([np.median(misses), np.min(misses)]) / rms(of[1])
 
-    errors = [error(own, i) for i, own in enumerate(curves)]
+    errors = np.array([error(own, i) for i, own in enumerate(curves)])
     outliers = []
     for i, number in enumerate(numbers):
-        others = float(np.median(np.delete(errors, i)))
-        if errors[i] > _OUTLYING * others:
-            again = error(_exchanged(curves[i], x[run != number], y[run != number]), i)
-            swapped = again < min(_SWAPPED * errors[i], _OUTLYING * others)
-            outliers.append(RunOutlier(int(number), errors[i], others, swapped))
+        others = np.median(np.delete(errors, i, axis=0), axis=0)
+        if (errors[i] > _OUTLYING * others).all():
+            again = error(_exchanged(curves[i], x[run != number], y[run != number]), i)[0]
+            swapped = bool(again < min(_SWAPPED * errors[i, 0], _OUTLYING * others[0]))
+            said = (float(errors[i, 0]), float(others[0]))
+            outliers.append(RunOutlier(int(number), *said, swapped))
     return outliers
 
 

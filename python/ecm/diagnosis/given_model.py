@@ -364,7 +364,7 @@ class _Judged:
             return "effect"
         if not self.missing:
             return self.without_structure
-        if self.fits_again or self.reason == "rows":
+        if (self.fits_again and self.falls_again) or self.reason == "rows":
             return "numbers"
         return "form" if self.too_plain and not self.reason else "effect"
 
@@ -490,6 +490,12 @@ class _Judged:
             return False
         whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
         return not structure_test(fit.rows, fit.whitened, whitener, fitted=fit.design).found
+
+    @property
+    def falls_again(self) -> bool:
+        """Whether its kind errs less where it is fitted to the rows: else its numbers are right."""
+        again = None if self.refitted is None else self.refitted.over_noise
+        return again is None or (self.given.over_noise or 0.0) > again
 
     @property
     def too_plain(self) -> bool:

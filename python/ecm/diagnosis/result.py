@@ -544,7 +544,7 @@ def _of_noise(problem: Problem) -> Iterator[str]:
     if problem.scale > 1.5 and not problem.noise.is_residual:
         yield (
             f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
-            f"{problem.noise.source}: every p allows for it"
+            f"{problem.noise.source}, or the model lacks something: every p allows for it"
         )
     if problem.base_error > LEAST_STRENGTH:
         yield (

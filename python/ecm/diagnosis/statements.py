@@ -446,9 +446,12 @@ def _beside_declared(problem: Problem) -> str:
         if chance <= _CHANCE and (factor <= _QUIET or loud):
             times = f"{np.sqrt(factor):.2f} times as large as declared"
             return f"by the repeats the noise is {times}: {mend}"
+    # The scale is over the noise and the base's own error, which may be less at these rows.
     factor, dof = factor * problem.scale, problem.scale_freedom
-    if not dof or factor >= _QUIET or special.chdtr(dof, factor * dof) > _CHANCE:
+    share = 1.0 - problem.base_error**2
+    if not dof or factor >= _QUIET * share or special.chdtr(dof, factor / share * dof) > _CHANCE:
         return ""
+    factor /= share
     return f"the noise is {np.sqrt(factor):.2f} times as large as declared, or less: {mend}"
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm._native import convert_stiffness
+from ecm._native import convert_stiffness, mid_frame
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress, tell_part
@@ -83,8 +83,9 @@ def _share(part: F, matrix: F) -> F:
 
 _REACH_MARGIN = 1.05
 """Nearer to its reach the physics base errs as little as within it."""
-_ERROR_AT, _GROWTH = 0.01, 3.5
-"""Share of |force| and |moment| in error at 1.5 times the reach, and the power by which it grows.
+_ERROR_AT, _ERROR_AT_REACH, _GROWTH = 0.01, 1.5, 3.5
+"""Share of |force| and |moment| in error at so many times the reach, and the power by which it
+grows.
 
 Above what was measured on the neck (docs/models.md): 0.74 % there, 2.2 % at twice, 5.2 % at 2.5.
 """
@@ -176,17 +177,19 @@ def _columns(
 
 
 def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
-    """(N, m) standard deviation with the error of a physics base at large turns."""
-    found = _turned(model, poses)
+    """(N, m) standard deviation with the error of a physics base at large turns and shifts."""
+    found = _beside_fem(model, poses)
     if found is None:
         return sd
-    base, turned = found
+    base, turned, shifted = found
+    far = np.where(shifted > _REACH_MARGIN, shifted / _ERROR_AT_REACH, 0.0)
     errs = turned > min(_REACH_MARGIN * base.reach_rad, _WIDE_ERRS_FROM_RAD)
-    if not errs.any():
+    at = min(_ERROR_AT_REACH * base.reach_rad, _WIDE_ERROR_AT_RAD)
+    far = np.maximum(far, np.where(errs, turned / at, 0.0))
+    if not far.any():
         return sd
     known = np.broadcast_to(base.error, (len(poses), 6)) if sd is None else sd
-    at = min(1.5 * base.reach_rad, _WIDE_ERROR_AT_RAD)
-    share = np.where(errs, _ERROR_AT * (turned / at) ** _GROWTH, 0.0)[:, None]
+    share = (_ERROR_AT * far**_GROWTH)[:, None]
     wrench = base.predict(poses)
     size = np.repeat(
         [np.linalg.norm(part, axis=1) for part in (wrench[:, :3], wrench[:, 3:])], 3, 0
@@ -194,11 +197,20 @@ def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
     return np.asarray(np.hypot(known, share * size.T))
 
 
-def _turned(model: Model, poses: F) -> tuple[PhysicsMap, F] | None:
-    """A physics base that is FEM's, and the turns of the poses (N,); None for other bases."""
-    if not isinstance(model.base, PhysicsMap) or model.base.family is None:
+def _beside_fem(model: Model, poses: F) -> tuple[PhysicsMap, F, F] | None:
+    """A physics base that is FEM's, the turns of the poses (N,), and their shifts over the FEM's.
+
+    A shift counts from the middle of those of the FEM poses, half their range is 1. None for other
+    bases.
+    """
+    base = model.base
+    if not isinstance(base, PhysicsMap) or base.family is None or base.length_m is None:
         return None
-    return model.base, np.linalg.norm(poses[:, 3:], axis=1)
+    low, high, most = base.length_m * base.family.shifts
+    shift = mid_frame(poses, base.length_m)[:, :3]
+    along = np.abs(2.0 * shift[:, 0] - low - high) / (high - low)
+    across = np.linalg.norm(shift[:, 1:], axis=1) / most
+    return base, np.linalg.norm(poses[:, 3:], axis=1), np.maximum(along, across)
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
@@ -220,7 +232,7 @@ def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str,
 
 
 def beyond_reach(model: Model, poses: F) -> list[str]:
-    """Say how many poses (N, n) turn further than the FEM behind a physics base.
+    """Say how many poses (N, n) turn or shift further than the FEM behind a physics base.
 
     Examples
     --------
@@ -229,19 +241,30 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
     >>> beyond_reach(ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear"), y[:, None])
     []
     """
-    found = _turned(model, poses)
+    found = _beside_fem(model, poses)
     if found is None:
         return []
-    base, turned = found
+    base, turned, shifted = found
+    said = []
     far = turned > _REACH_MARGIN * base.reach_rad
-    if not far.any():
-        return []
-    return [
-        f"{int(far.sum())} of {len(poses)} poses turn further than the FEM behind the physics, "
-        f"{base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
-        f"Build it wider: physics_map(mechanism, reach_rad={turned.max():.2f}), or give the TOML "
-        "of the mechanism as MODEL"
-    ]
+    if far.any():
+        said.append(
+            f"{int(far.sum())} of {len(poses)} poses turn further than the FEM behind the physics, "
+            f"{base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
+            f"Build it wider: physics_map(mechanism, reach_rad={turned.max():.2f}), or give the "
+            "TOML of the mechanism as MODEL"
+        )
+    far = shifted > _REACH_MARGIN
+    if far.any() and base.family is not None and base.length_m is not None:
+        low, high, most = 1e3 * base.length_m * base.family.shifts
+        said.append(
+            f"{int(far.sum())} of {len(poses)} poses are pulled, pressed or pushed aside further "
+            f"than the FEM behind the physics, up to {shifted.max():.1f} times: it knows {low:.2g} "
+            f"to {high:+.2g} mm along the axis and {most:.2g} mm across. At twice that it errs by "
+            "some 2 %, at 4 times by a third and more. Measure there and fit energy6, or "
+            "solve these poses by FEM: mechanism.fem().solve_poses(poses)"
+        )
+    return said
 
 
 def _outside(model: Model, table: Table) -> list[str]:

@@ -240,9 +240,11 @@ class BodyFits:
 
     def __init__(self, poses: F, bodies: list[Solved], nominal: int) -> None:
         self.poses, self.bodies = poses, bodies
-        c = mid_frame(poses, LENGTH_M)[:, :3]
+        c = mid_frame(poses, LENGTH_M)[:, :3] / LENGTH_M
+        along, across = c[:, 0], np.linalg.norm(c[:, 1:], axis=1)
+        self.shifts = np.array([along.min(), along.max(), across.max()])
         self.scale = np.array(
-            [np.linalg.norm(c, axis=1).max() / LENGTH_M, np.linalg.norm(poses[:, 3:], axis=1).max()]
+            [np.linalg.norm(c, axis=1).max(), np.linalg.norm(poses[:, 3:], axis=1).max()]
         )
         self._whiteners = noise_whiteners(poses, bodies[nominal].stiffness)
 
@@ -295,6 +297,7 @@ def best_family(
             x_range=(float(nodes.x[0]), float(nodes.x[2])),
             error=np.zeros((2, 6)),
             error_over_noise=np.zeros(3),
+            shifts=fit.shifts,
         )
         trials.append(_with_errors(trial, tests))
         if trials[-1].error_over_noise[0] < _GOAL:

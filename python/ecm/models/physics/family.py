@@ -50,6 +50,7 @@ _LAYOUT = record(
         "error": array(2, 6),
         "error_over_noise": array(3),
     },
+    {"shifts": array(3)},
     others=True,
 )
 """What a family holds in a model file and in the cache."""
@@ -100,6 +101,9 @@ class PhysicsFamily:
     """(2, 6) rms error on other FEM poses over mu L^2, mu L^3: at the stated D/L, and off it."""
     error_over_noise: F
     """(3,) whitened rms error: at the nominal nu and D/L, at another nu, at another of both."""
+    shifts: F
+    """(3,) over L, of the FEM poses: least and largest mid-frame shift along the axis, largest
+    across it."""
 
     @cached_property
     def exponents(self) -> I:
@@ -195,7 +199,9 @@ class PhysicsFamily:
     def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
         """Return the family that `plain` described; InputError where it is spoilt."""
         _LAYOUT(document, "family")
-        return read_plain(PhysicsFamily, document)
+        # A file of before has the largest shift of any direction alone, as its scale.
+        most = document["scale"][0]
+        return read_plain(PhysicsFamily, {"shifts": [-most, most, most], **document})
 
 
 LAYOUT = record(
