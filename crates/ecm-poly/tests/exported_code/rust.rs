@@ -62,6 +62,9 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
         )
         .unwrap();
     }
+    let line = polynomial(1, 1, 3);
+    let files = rust::export_with_effects(&line, "line", Precision::Double, None).unwrap();
+    write(&root.join("line"), &files);
     writeln!(main, "))\n}}\nconst POSE: [f64; 6] = {POSE:?};").unwrap();
     let file = |path: &str, text: String| SourceFile {
         path: path.into(),
@@ -92,10 +95,18 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(
         said.matches("golden_vectors ... ok").count(),
-        models.len(),
+        models.len() + 1,
         "{said}"
     );
     assert_eq!(said.matches("golden_history ... ok").count(), 2, "{said}");
+    let (code, said) = cargo(&[
+        "clippy",
+        "--workspace",
+        "--exclude",
+        "firmware",
+        "--all-targets",
+    ]);
+    assert_eq!(code, Some(0), "{said}");
     let (code, said) = cargo(&["build", "--release", "--package", "firmware"]);
     assert_eq!(code, Some(0), "{said}");
     let program = target.join("release").join("firmware");
