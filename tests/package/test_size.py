@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_453, 201),
+    "python/ecm": (42_504, 201),
     "benches": (5_919, 51),
     "examples": (1_516, 13),
-    "tests": (32_946, 234),
+    "tests": (33_071, 234),
     "crates": (34_192, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a body
-without symmetry, the memory of earlier moves, tendons that would push, inputs that nothing tells
-about, meshes whose elements stand twice, and models that are copied have tests of their own (162 in
-the package, of which 145 were taken from readers and models, and 278 in the tests)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: physics
+of bodies thicker than long, shifts beyond the FEM, one platform for all exports, laws that no
+energy holds, models named by a design of too few poses (95 in the package, of which 44 were taken
+from the rig and the diagnosis, and 125 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
