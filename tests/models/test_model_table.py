@@ -85,7 +85,7 @@ def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> 
     np.testing.assert_allclose(k[:, :, 4], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
     exported = export_files(again, "c", "neck")
     kind = again.base.document()["kind"]
-    assert any("Folded into energy" in n and f": {kind};" in n for n in exported.notes)
+    assert any("Folded into " in n and f": {kind};" in n for n in exported.notes)
     assert exported.folding > 0.0
     if name not in ("gp", "mlp"):  # mechanics becomes an energy almost without a change
         assert exported.folding < 0.3

@@ -876,8 +876,10 @@ def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Pa
         page.js("location.hash = 'out'")
         page.click("[name=language][value=rust]")  # it holds no steps of a polynomial
         page.click("#export")
-        page.until("!!document.querySelector('[data-remedy=refit]')")
-        page.click("[data-remedy=export]")
+        page.until("!!document.querySelector('[data-remove=hysteresis]')")
+        ways = page.js("[...document.querySelectorAll('[data-remedy]')].map(b => b.textContent)")
+        assert ways == ["Export as c", "Export it all the same"]
+        page.click("[data-remedy]:not(.first)")
         page.until("!!document.querySelector('.files a') && !document.querySelector('#trouble')")
         assert page.js("document.querySelector('[name=language]:checked').value") == "rust"
         steps = _state(page)["steps"]

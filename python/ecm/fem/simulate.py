@@ -347,6 +347,8 @@ class Workspace(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if len(self.wrench_min) != len(self.wrench_max):
+            raise InputError("wrench_min and wrench_max: expected six numbers each")
         if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
             raise InputError("wrench_min must be below wrench_max in each component")
 

@@ -200,8 +200,8 @@ def _request(program: str = "", verb: str = "", *words: str, files: Files) -> di
     return request
 
 
-_OWN = ("--out", "--json", "--report", "--next", "--meta")
-"""Options whose files are chosen by the step itself."""
+_OWN = ("--out", "--name", "--json", "--report", "--next", "--meta")
+"""Options whose files and names are chosen by the step itself."""
 
 
 def _check(request: Request, files: Files, n: int) -> Command:
