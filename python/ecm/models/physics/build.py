@@ -93,7 +93,7 @@ def usual_rotation_rad(shape: Mechanism) -> float:
     """Largest rotation of the workspace of a shape, where no data ask for more: 0.8 rad.
 
     Of a body thicker than it is long less: at 0.8 rad its outer fibres would lose all their length,
-    and half of the poses have no stable state, which takes FEM long to find out.
+    and a quarter of the poses have no stable state, which takes FEM long to find out.
     """
     if shape.builtin == "rod":
         return ROTATION_LIMIT_RAD
