@@ -148,6 +148,11 @@ def test_too_few_poses_for_a_model_name_one_that_they_determine() -> None:
         assert len(optimal_design(poses, 12, fewer).indices) == 12
     with pytest.raises(DesignError, match=r"take a smaller model$"):
         optimal_design(poses, 3, DesignSettings())
+    # What no model mends names none.
+    with pytest.raises(DesignError, match=r"allow replicates$"):
+        optimal_design(poses, 3000, DesignSettings())
+    with pytest.raises(DesignError, match=r"check the list$"):
+        optimal_design(poses, 12, DesignSettings(length_m=LENGTH_M), exclude=[5000])
 
 
 def test_noise_of_the_pose_moves_the_design() -> None:

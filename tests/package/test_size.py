@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_506, 201),
+    "python/ecm": (42_509, 201),
     "benches": (5_919, 51),
     "examples": (1_516, 13),
-    "tests": (33_074, 234),
+    "tests": (33_078, 234),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: physics
 of bodies thicker than long, shifts beyond the FEM, one platform for all exports, laws that no
-energy holds, models named by a design of too few poses (97 in the package, of which 44 were taken
-from the rig and the diagnosis, and 128 in the tests)."""
+energy holds, models named by a design of too few poses (100 in the package, of which 44 were taken
+from the rig and the diagnosis, and 132 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -19,6 +19,7 @@ from ecm.designs.regressors import (
     CRITERIA,
     DesignSettings,
     NominalModel,
+    Regressor,
     predicted_columns,
     prediction_region,
     regressor,
@@ -30,6 +31,8 @@ from ecm.io.events import Printed
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
+_SMALLER = ("energy4", "poly:2", "linear")
+"""Models that are tried where the rows do not determine the one that was asked for."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,25 +159,41 @@ def optimal_design(
             **search,
         )
     else:
-        rows = regressor(poses, settings, measured=measured, base=base)
-        averaged = settings.criterion in AVERAGED
-        terms = rows.rows.shape[1]
-        try:
-            result = d_optimal(
+
+        def searched(of: DesignSettings, rows: Regressor, **search: Any) -> Any:
+            averaged, terms = of.criterion in AVERAGED, rows.rows.shape[1]
+            return d_optimal(
                 rows.rows,
                 n + len(inside),
-                criterion=settings.criterion,
+                criterion=of.criterion,
                 rows_per_pose=rows.rows_per_pose,
                 measured=rows.measured,
                 prior=rows.prior,
-                replicates=settings.replicates,
-                share=settings.share,
-                region=prediction_region(poses, settings, base, terms) if averaged else None,
+                replicates=of.replicates,
+                share=of.share,
+                region=prediction_region(poses, of, base, terms) if averaged else None,
                 method="fedorov" if paper else "search",
                 **search,
             )
+
+        rows = regressor(poses, settings, measured=measured, base=base)
+
+        def determines(name: str) -> bool:
+            """Whether the poses determine this smaller model, tried by one step of a search."""
+            # An energy of few columns is none; a wrong list is wrong for every model.
+            with suppress(InputError, DesignError):
+                smaller = replace(settings, model=name)
+                fewer = regressor(poses, smaller, measured=measured, base=base)
+                if fewer.rows.shape[1] < rows.rows.shape[1]:
+                    short = {"starts": 1, "iterations": 1, "progress": None}
+                    searched(smaller, fewer, **search | short)
+                    return True
+            return False
+
+        try:
+            result = searched(settings, rows, **search)
         except DesignError as error:
-            smaller = _determined(poses, n + len(inside), terms, settings, base)
+            smaller = next(filter(determines, _SMALLER), None)
             if smaller is None:
                 raise
             raise DesignError(f"{error}, for example --model {smaller}") from None
@@ -186,18 +205,6 @@ def optimal_design(
         efficiency=result.efficiency,
         status=result.status,
     )
-
-
-def _determined(
-    poses: F, n: int, terms: int, settings: DesignSettings, base: NominalModel | None
-) -> str | None:
-    """A model of fewer than these terms that n poses determine; None: there is none."""
-    for name in ("energy4", "poly:2", "linear"):
-        with suppress(InputError):  # an energy of few columns, or without a length
-            rows = regressor(poses, replace(settings, model=name), base=base)
-            if rows.rows.shape[1] < min(terms, n * rows.rows_per_pose):
-                return name
-    return None
 
 
 def _checked(poses: F, name: str) -> F:

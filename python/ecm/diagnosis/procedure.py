@@ -167,9 +167,8 @@ def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate]
     Over the noise of the problem: what a wild base makes of the noise of the pose would hide that
     it errs.
     """
-    return _error(
-        problem, problem.fit_with(effects, base).residual, len(base.coefficients), effects
-    )
+    residual = problem.fit_with(effects, base).residual
+    return _error(problem, residual, len(base.coefficients), effects)
 
 
 def _error(
