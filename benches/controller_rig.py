@@ -18,7 +18,7 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -151,13 +151,8 @@ def diagnosed(log: Table, seed: int) -> tuple[Model, Model]:
     for _ in range(ROUNDS):
         found = diagnose(model, log, seed=seed)
         print(f"  {found.sentence()}", flush=True)
-        richer = {item.id: item.shape for item in found.refinements if item.kept}
         named = {members[0] for members in found.answer} - {item.id for item in model.effects}
-        add = [
-            replace(item.effect, **richer[item.id]) if item.id in richer else item.effect
-            for item in found.effects
-            if item.id in named
-        ]
+        add = [item.effect for item in found.effects if item.id in named]
         if not add:
             break
         model = refit(model, log, add=add)

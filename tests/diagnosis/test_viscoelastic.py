@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from ecm.comparison import compare
 from ecm.comparison.structure import run_outliers
 from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, read_table
 from ecm.models import fit_model
+from ecm.models.refit import refit
 from support.neck import ROOT
 
 META = ROOT / "examples" / "viscoelastic_shear.toml"
@@ -42,8 +46,11 @@ def test_the_static_model_fails_and_relaxation_is_named(found: Diagnosis) -> Non
         assert run.before > 2.8 * run.after
 
 
-def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
-    """Strictly: the time constant too is chosen without the rate that is scored."""
+def test_relaxation_foretells_a_rate_that_it_never_saw(three: Table) -> None:
+    """Strictly: time constants and branches too are chosen without the rate that is scored.
+
+    Of the last two pairs each rate is foretold far better with two branches; not so the third one.
+    """
     number = three.column("run")
     falls = []
     for rate in np.unique(number):
@@ -57,7 +64,7 @@ def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
         )
         falls.append(before / after)
     assert min(falls) >= 2.8, falls
-    assert falls == pytest.approx([3.07, 3.26, 4.25], abs=0.1)
+    assert falls == pytest.approx([3.07, 2.93, 2.87], abs=0.1)
 
 
 def test_a_second_branch_is_tried_and_not_kept(found: Diagnosis) -> None:
@@ -97,6 +104,52 @@ def test_a_run_on_another_spring_is_no_exchange_of_columns() -> None:
     force = x * np.repeat([250.0, 900.0, 1000.0, 1100.0], 40)
     (found,) = run_outliers(Table({"x_m": x, "fx_N": force, "run": run}), ["x_m"], ["fx_N"])
     assert (found.run, found.swapped) == (0, False)
+
+
+def _rubber(seed: int, branches: dict[float, float]) -> Table:
+    """Sines of four frequencies and three amplitudes: a cubic spring and branches (g by tau_s)."""
+    random, parts = np.random.default_rng(seed), []
+    for run, (rate_Hz, far_m) in enumerate(product((0.1, 0.3, 1.0, 3.0), (2e-4, 6e-4, 2e-3))):
+        time = np.linspace(0.0, 5.0 / rate_Hz, 8001)
+        x = far_m * np.sin(2.0 * np.pi * rate_Hz * time)
+        elastic = 1.2e5 * x + 4e9 * x**3
+        force = elastic.copy()
+        for tau, g in branches.items():
+            # ds/dt = g df/dt - s / tau, implicit midpoint of a step far below tau
+            h = time[1] / tau / 2.0
+            moves = g * np.diff(elastic, prepend=0.0) / (1.0 + h)
+            force += lfilter([1.0], [1.0, -(1.0 - h) / (1.0 + h)], moves)
+        force += random.normal(0.0, 0.3, len(time))
+        kept = slice(0, None, 40)
+        clock = time[kept] + 1000.0 * run
+        parts.append(np.column_stack([clock, x[kept], force[kept], np.full(201, run)]))
+    names = ("time_s", "x_m", "fx_N", "run")
+    meta = Meta(file=FileMeta(kind="continuous"), instrument=Instrument(1e-7, force_sd_N=0.3))
+    return Table(dict(zip(names, np.concatenate(parts).T, strict=True)), meta)
+
+
+def test_two_branches_are_one_cause_that_diagnose_and_refit_find() -> None:
+    """One branch left 10 times the noise, which became friction or no name at all."""
+    table = _rubber(1, {0.05: 0.4, 2.0: 0.3})
+    spring = fit_model(table, "poly:3")
+    found = diagnose(spring, table)
+    assert found.answer == (("stress_relaxation",),)
+    assert found.held_out.after < 1.2
+    assert not [text for text in found.warnings if "noise" in text or "differs" in text]
+    (better,) = refit(spring, table, add="stress_relaxation").effects
+    for effect, values in ((item.effect, item.values) for item in (*found.effects, better)):
+        assert effect.shape["tau_s"] == pytest.approx(0.05, rel=0.05)
+        assert effect.shape["second_tau_s"] == pytest.approx(2.0, rel=0.05)
+        assert values == pytest.approx([0.4, 0.3], abs=0.02)
+
+
+def test_one_branch_keeps_one() -> None:
+    table = _rubber(2, {0.3: 0.4})
+    spring = fit_model(table, "poly:3")
+    better = refit(spring, table, add="stress_relaxation")
+    for item in (*diagnose(spring, table).effects, *better.effects):
+        assert item.effect.shape["tau_s"] == pytest.approx(0.3, rel=0.02)
+        assert "second_tau_s" not in item.effect.shape
 
 
 def test_runs_that_are_faster_are_no_other_specimen() -> None:

@@ -258,6 +258,8 @@ _DEGREE = 3
 _OUTLYING = 1.5
 """A run is an outlier where the curves of the others miss it so many times more than they miss each
 other."""
+_AS_FAR = 2.0
+"""Ratio of the ways of two runs below which they move about as far."""
 _SWAPPED = 0.5
 
 
@@ -289,9 +291,10 @@ class RunOutlier:
 def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> list[RunOutlier]:
     """Return the runs that the others do not predict, for one pose and one wrench column.
 
-    A cubic through each other run is compared with each run. Strange is one that is unlike most
-    runs and unlike its nearest as well: fast or wide ones agree among themselves. Fewer than three
-    runs give none: of two nobody can tell which one is wrong.
+    A cubic through each other run is compared with each run; of two runs or more that move about as
+    far only through them, for the loop of a wide run says nothing of a narrow one. Strange is one
+    that is unlike most runs and unlike its nearest as well: fast ones agree among themselves. Fewer
+    than three runs give none: of two nobody can tell which one is wrong.
     """
     if len(inputs) != 1 or len(outputs) != 1 or not table.has("run"):
         return []
@@ -304,7 +307,10 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
 
     def error(of: tuple[F, F], left_out: int) -> F:
         """(2,) against the other runs, the median and the nearest: neither sees one strange run."""
-        misses = [_miss(of, by) for i, by in enumerate(curves) if i != left_out]
+        others = [curve for i, curve in enumerate(curves) if i != left_out]
+        way = np.ptp(of[0])
+        alike = [by for by in others if way / _AS_FAR < np.ptp(by[0]) < way * _AS_FAR]
+        misses = [_miss(of, by) for by in (alike if len(alike) > 1 else others)]
         return np.array([np.median(misses), np.min(misses)]) / rms(of[1])
 
     errors = np.array([error(own, i) for i, own in enumerate(curves)])

@@ -34,6 +34,7 @@ from ecm.models.joint_fit import (
     joint_fit,
 )
 from ecm.models.maps import StiffnessMap
+from ecm.models.shapes import refined
 from ecm.regression.f_test import (
     explained_by_span,
     omnibus_test,
@@ -64,8 +65,6 @@ _MOST_ABSORBED = 0.995
 """The same for a physics base: its one or two coefficients absorb nothing by chance. And for
 effects of time and order beside all six poses: of few rows a base of many coefficients takes in
 most of them, and as much of what their form errs."""
-SHAPE_REFINEMENTS = 4
-"""Rounds in which the shape of an effect is refined between grid points."""
 
 _ROUNDING = 1e-9
 _BENT = 0.02
@@ -263,23 +262,22 @@ def _refined_shapes(
     y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
     table = rows.whole.table
 
-    def refined(id: str) -> ScoreColumns | None:
+    def gain(shape: Effect) -> float:
+        return projection.explained_by_each([score_columns(rows, whitener, shape)], y)[0]
+
+    def refined_of(id: str) -> ScoreColumns | None:
         own = [item for item in every if item.id == id]
         if not any(item.effect.refined(table, 0) for item in own):
             return None
         gains = projection.explained_by_each([item.columns for item in own], y)
         best, start = best_of_each(own, gains)[id]
-        first = start
-        for round_ in range(SHAPE_REFINEMENTS):
-            for shape in first.effect.refined(table, round_):
-                trial = ScoreColumns(shape, score_columns(rows, whitener, shape))
-                gain = projection.explained_by_each([trial.columns], y)[0]
-                if gain > best:
-                    best, first = gain, trial
-        return None if first is start else first
+        _, shape = refined(gain, start.effect, best, table)
+        if shape is start.effect:
+            return None
+        return ScoreColumns(shape, score_columns(rows, whitener, shape))
 
     ids = dict.fromkeys(item.id for item in every if not item.imitates)
-    return [item for item in in_threads(refined, ids) if item is not None]
+    return [item for item in in_threads(refined_of, ids) if item is not None]
 
 
 def _not_absorbed(

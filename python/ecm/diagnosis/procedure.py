@@ -49,7 +49,14 @@ from ecm.diagnosis.problem import (
     noise_by_rest,
 )
 from ecm.diagnosis.result import Diagnosis, report
-from ecm.diagnosis.search import Ranked, delta_chi2, rank, search, without
+from ecm.diagnosis.search import (
+    Ranked,
+    delta_chi2,
+    rank,
+    richer_forms,
+    search,
+    without,
+)
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
     EQUAL,
@@ -514,12 +521,21 @@ def decide(
         problem, ranking, chosen = replace(nearer, held=problem.held), order, again
         if same:
             break
+    richer, tried = richer_forms(problem, chosen)
+    if richer:
+        # What the plain form of a known cause leaves is neither noise nor a second cause.
+        offered = [richer.get(effect.id, effect) for effect in effects]
+        finer = assemble(problem.base, problem.table, offered, problem.noise, settings)
+        problem = replace(finer, held=problem.held)
+        first, ranking = stages.gate(problem), stages.rank(problem)
+        chosen = stages.search(problem, ranking)
     for _ in range(settings.most_effects):
         accepted = stages.accept(problem, chosen, seed)
         left = stages.leftover(problem, first, accepted.effects)
         found = Decision(
-            prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left
-        )
+            prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left,
+            refinements=tried,
+        )  # fmt: skip
         if len(accepted.effects) < 2 or left.remains or not is_unlikely(found):
             break
         # The best set of fewer effects need not be a part of this one.

@@ -33,7 +33,6 @@ from ecm.diagnosis.search import (
     held_out_by_fold,
     held_out_rms,
     kind_of,
-    refinements,
 )
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -363,7 +362,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
         directions=_ways(final) if decision.answer else None,
-        refinements=tuple(refinements(problem, accepted)),
+        refinements=decision.refinements,
         warnings=tuple(_warnings(decision, final)),
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),

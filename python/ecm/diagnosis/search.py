@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,10 +12,11 @@ import scipy
 from scipy import special
 from scipy.optimize import lsq_linear
 
-from ecm.diagnosis.problem import Candidate, Problem, with_more
+from ecm.diagnosis.problem import Candidate, Problem, Projection, score_columns, with_more
 from ecm.diagnosis.settings import FORM_SHARE
-from ecm.effects import Shape
+from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I
+from ecm.models.shapes import holds_out, refined
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
 
@@ -23,8 +24,6 @@ ONE_CAUSE_SHARE = 0.03
 """Share that two effects must explain beyond any single one: one cause is likelier."""
 _BEAM = 5
 """Best sets at each size of the search."""
-_WORST_FOLD = 1.1
-"""Largest growth of the error of a fold that a richer form may cause."""
 
 
 @dataclass(frozen=True)
@@ -447,18 +446,38 @@ class Refinement:
     """Whether the total error falls and no fold gets much worse."""
 
 
-def refinements(problem: Problem, chosen: Sequence[Candidate]) -> Iterator[Refinement]:
-    """Yield, for each chosen effect that has richer forms, the one that fits best."""
-    for item in chosen:
-        forms = item.effect.refinement(problem.rows.whole.table)
-        if not forms:
-            continue
-        wider, candidates = with_more(problem, forms)
-        others = without(chosen, item)
-        best = max(candidates, key=lambda c: delta_chi2(wider, (*others, c)))
-        plain = held_out_by_fold(wider, chosen)
-        richer = held_out_by_fold(wider, (*others, best))
-        falls = (richer**2).sum() < (plain**2).sum()
-        kept = bool(falls and np.all(richer < _WORST_FOLD * plain))
-        errors = (tuple(plain.tolist()), tuple(richer.tolist()))
-        yield Refinement(item.id, best.effect.shape, *errors, kept)
+def richer_forms(
+    problem: Problem, chosen: Sequence[Candidate]
+) -> tuple[dict[str, Effect], tuple[Refinement, ...]]:
+    """Return the richer forms of chosen effects that held-out rows ask for, and all that was tried.
+
+    The forms are by the id of their effect.
+    """
+    found = [one for item in chosen if (one := _richer_form(problem, chosen, item)) is not None]
+    return {one.id: effect for effect, one in found if one.kept}, tuple(one for _, one in found)
+
+
+def _richer_form(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate
+) -> tuple[Effect, Refinement] | None:
+    """Return the richer form that explains most in place of a chosen effect, and its errors."""
+    rows, others = problem.rows, without(chosen, item)
+    forms = item.effect.refinement(rows.whole.table)
+    if not forms:
+        return None
+    known = problem.design[:, :, list(problem.columns_of(others))]
+    projection = Projection.of(known, np.sqrt(problem.weights))
+    y = projection.flat(projection.rest(problem.response[:, :, None]))[:, 0]
+
+    def gain(form: Effect) -> float:
+        return projection.explained_by_each([score_columns(rows, problem.whitener, form)], y)[0]
+
+    gains = [gain(form) for form in forms]
+    first = int(np.argmax(gains))
+    _, best = refined(gain, forms[first], gains[first], rows.whole.table)
+    wider, (richer,) = with_more(problem, (best,))
+    of_plain, of_richer = (held_out_by_fold(wider, some) for some in (chosen, (*others, richer)))
+    errors = (tuple(of_plain.tolist()), tuple(of_richer.tolist()))
+    more = delta_bic(wider, (*others, richer)) - delta_bic(wider, chosen)
+    kept = more > problem.settings.least_bic and holds_out(of_plain**2, of_richer**2)
+    return best, Refinement(item.id, best.shape, *errors, kept)

@@ -35,7 +35,7 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import Ranked, delta_chi2, explained_share, without
+from ecm.diagnosis.search import Ranked, Refinement, delta_chi2, explained_share, without
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -71,6 +71,8 @@ class Decision:
     """What drives the missing effect, where its form is not known."""
     neighbours_alike: bool = False
     """Whether fewer rows of a log were used, since its neighbours err alike."""
+    refinements: tuple[Refinement, ...] = ()
+    """Richer forms of the effects that the search chose first."""
 
     @property
     def answer(self) -> tuple[tuple[str, ...], ...]:

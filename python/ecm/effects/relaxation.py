@@ -19,6 +19,7 @@ from ecm.effects.protocol import (
     LookAlike,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     needs_varying,
@@ -103,6 +104,8 @@ def _stretches(values: F) -> F:
 
 _TAUS = 12
 """Time constants that are tried for a continuous test; the best is refined afterwards."""
+_APART = 2.0
+"""Least ratio of the time constants of two branches."""
 
 
 @dataclass(eq=False)
@@ -237,24 +240,32 @@ class StressRelaxation(LinearEffect):
         return [float(tau) for tau in np.geomspace(low, last, count)]
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Time constants between these and their neighbours, one at a time."""
+        """Time constants between these and their neighbours, of two branches each with each."""
         taus = self._taus(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
-        return (*self.nearby("tau_s", step), *self.nearby("second_tau_s", step))
+        if self.branches == 1:
+            return self.nearby("tau_s", step)
+        pairs = itertools.product(*((tau, *beside(tau, step)) for tau in self._constants))
+        return tuple(self._with_pair(*pair) for pair in pairs if pair != self._constants)
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """The same with a second branch, slower or faster; none where there is one already."""
-        if not self.overstress or self.second_tau_s > 0.0:
+        """The same with two branches; none where it has two already."""
+        if not self.overstress or self.branches == 2:
             return ()
-        return tuple(
-            replace(self, second_tau_s=float(t))
-            for t in time_constants(table)
-            if not 0.5 < t / self.tau_s < 2.0
-        )
+        pairs = itertools.combinations(time_constants(table)[::2], 2)
+        return tuple(self._with_pair(*pair) for pair in pairs)
+
+    def _with_pair(self, fast_s: float, slow_s: float) -> StressRelaxation:
+        """The same with two branches, which are apart: nearer ones are one, not quite right."""
+        return replace(self, tau_s=fast_s, second_tau_s=max(slow_s, _APART * fast_s))
+
+    @property
+    def _constants(self) -> tuple[float, ...]:
+        return (self.tau_s, self.second_tau_s)[: self.branches]
 
     def columns(self, rows: Rows) -> F:
         """exp(-d / tau) h, or the convolution, one column per branch."""
-        taus = [self.tau_s, self.second_tau_s][: self.branches]
+        taus = self._constants
         if not self.overstress and self.path:
             return np.stack([over_visits(rows, tau, self.frame) for tau in taus], axis=2)
         if not self.overstress:

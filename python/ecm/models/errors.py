@@ -131,6 +131,18 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
 def held_out(fit: JointFit) -> float | None:
     """Error over the noise on each part of the fitted rows, without which it was fitted.
 
+    None where there is one part only.
+    """
+    parts = held_out_by_part(fit)
+    if parts is None:
+        return None
+    squares, readings = parts
+    return float(np.sqrt(squares.sum() / readings.sum()))
+
+
+def held_out_by_part(fit: JointFit) -> tuple[F, F] | None:
+    """Squares over the noise (p,) and readings (p,) of each part, without which it was fitted.
+
     The parts are those of effects of time (`held_out_by`); the fit is linearised at its optimum.
     Columns of parameters at their bounds are left out: linear steps would leave the bounds. The
     rows of a prior are known to each part. None where there is one part only.
@@ -151,7 +163,8 @@ def held_out(fit: JointFit) -> float | None:
     counts = np.asarray(np.bincount(groups, scored, count), dtype=np.float64)
     columns = range(design.shape[2])
     squares = equations.held_out(columns, fold_of_group, counts, (root, expected))
-    return float(np.sqrt(squares.sum() / (counts.sum() * m)))
+    of_parts = [np.bincount(fold_of_group, one).astype(np.float64) for one in (squares, counts)]
+    return of_parts[0], m * of_parts[1]
 
 
 @dataclass(frozen=True)

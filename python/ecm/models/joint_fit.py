@@ -17,7 +17,7 @@ from ecm.io.arrays import B, F, I, lstsq
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
-from ecm.regression.f_test import independent_factor, orthonormal, within_cells
+from ecm.regression.f_test import independent_factor, within_cells
 from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import (
     Noise,
@@ -71,7 +71,6 @@ _PARTS = 0.5 ** np.arange(8.0)
 """Parts of a step that are tried in turn."""
 _NO_WORSE = 1.0 + 1e-6
 """Squares that a step may leave over those before: the last steps change them by rounding."""
-_REFINEMENTS = 4
 _RAN_AWAY = "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
 
 
@@ -494,49 +493,6 @@ def effect_shares(fit: JointFit) -> dict[str, float]:
         id: float(np.sqrt(same @ (acts**2).sum(axis=0) / np.maximum(wrench, 1e-300)).max())
         for id, acts in _acting(fit).items()
     }
-
-
-def best_shape(
-    base: StiffnessMap,
-    others: Sequence[FittedEffect],
-    effect: Effect,
-    table: Table,
-    noise: Noise,
-    *,
-    freeze_base: bool = False,
-    kept: Mapping[str, Any] | None = None,
-) -> Effect:
-    """The variant of an effect that explains most of the residual of base and other effects.
-
-    Variants are compared by the score test of their tangents, less ln(n) for each parameter;
-    shapes between the best of a coarse grid and its neighbours are tried as well.
-    """
-    whole = table.full
-    variants = effect.variants(whole)
-    if len(variants) == 1:
-        return variants[0]
-    fit = joint_fit(base, others, table, noise, freeze_base=freeze_base, kept=kept)
-    size = fit.whitened.size
-    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    fixed = orthonormal(fit.design.reshape(size, fit.design.shape[2]))
-    y = fit.whitened.ravel() - fixed @ (fixed.T @ fit.whitened.ravel())
-
-    def value(shape: Effect) -> float:
-        jacobian = jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
-        columns = (whitener @ jacobian).reshape(size, -1)
-        left = columns - fixed @ (fixed.T @ columns)
-        if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ y)):
-            return -np.inf
-        own = orthonormal(left)
-        return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
-
-    most, position = max(((value(shape), -i) for i, shape in enumerate(variants)))
-    best = variants[-position]
-    for round_ in range(_REFINEMENTS):
-        for shape in best.refined(whole, round_):
-            if (own := value(shape)) > most:
-                most, best = own, shape
-    return best
 
 
 def base_columns(rows: Rows, base: StiffnessMap) -> F:

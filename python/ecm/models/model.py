@@ -29,7 +29,6 @@ from ecm.models.joint_fit import (
     CoefficientPrior,
     FittedEffect,
     JointFit,
-    best_shape,
     effect_shares,
     effect_sizes,
     joint_fit,
@@ -39,6 +38,7 @@ from ecm.models.joint_fit import (
 from ecm.models.measured_poses import are_inside, folded, sample_of
 from ecm.models.parameters import FittedParameter, ParametrisedMap
 from ecm.models.registry import map_from_document, was_trained_on
+from ecm.models.shapes import best_shape
 from ecm.models.time_effects import time_effects
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise

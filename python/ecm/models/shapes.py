@@ -1,0 +1,150 @@
+"""Shape of an effect in a fit: of its variants the one that explains most beside the others.
+
+Variants are compared by the score test of their tangents, less ln(n) for each parameter. A richer
+form, as the second branch of a relaxation, must in addition foretell rows that it was not fitted
+to: in sum better than the plain form, and in no part of the rows much worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ecm.effects.protocol import Effect, jacobian_of
+from ecm.io.arrays import F
+from ecm.io.table import Table
+from ecm.models.errors import held_out_by_part
+from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
+from ecm.models.maps import StiffnessMap
+from ecm.regression.f_test import orthonormal
+from ecm.regression.noise import Noise, whiteners
+
+_ROUNDS = 7
+"""Times that shapes between the best and its neighbours are tried, each nearer than before."""
+_WORST_PART = 1.1
+"""Largest growth of the error of a part of the rows that a richer form may cause."""
+
+
+def holds_out(plain: F, richer: F) -> bool:
+    """Whether a richer form foretells better than a plain one, by squares of each held-out part.
+
+    Examples
+    --------
+    >>> holds_out(np.array([4.0, 1.0]), np.array([1.0, 1.1]))
+    True
+    >>> holds_out(np.array([4.0, 1.0]), np.array([1.0, 2.0]))  # much worse in the second part
+    False
+    """
+    return bool(richer.sum() < plain.sum() and np.all(richer < _WORST_PART**2 * plain))
+
+
+def refined(
+    value: Callable[[Effect], float], shape: Effect, most: float, table: Table
+) -> tuple[float, Effect]:
+    """The best of a shape, whose value is `most`, and what lies between it and its neighbours.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> from ecm.effects import with_shape
+    >>> x = np.linspace(-1e-3, 1e-3, 40)
+    >>> log = {"x_m": x, "fx_N": x, "time_s": np.arange(40.0)}
+    >>> table = ecm.as_table(log, meta={"file": {"kind": "continuous"}})
+    >>> start = with_shape("stress_relaxation", {"tau_s": 8.0, "samples": "time"})
+    >>> near, found = refined(lambda shape: -abs(shape.shape["tau_s"] - 9.0), start, -1.0, table)
+    >>> bool(-0.3 < near < 0.0), found.id
+    (True, 'stress_relaxation')
+    """
+    for round_ in range(_ROUNDS):
+        for other in shape.refined(table, round_):
+            if (own := value(other)) > most:
+                most, shape = own, other
+    return most, shape
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What the base and the other effects of a model leave for the shapes of one effect."""
+
+    base: StiffnessMap
+    others: Sequence[FittedEffect]
+    table: Table
+    noise: Noise
+    freeze_base: bool
+    kept: Mapping[str, Any] | None
+
+    def fit(self, *more: Effect) -> JointFit:
+        effects = (*self.others, *(FittedEffect.unfitted(effect) for effect in more))
+        return joint_fit(
+            self.base, effects, self.table, self.noise,
+            freeze_base=self.freeze_base, kept=self.kept,
+        )  # fmt: skip
+
+    @cached_property
+    def without(self) -> tuple[JointFit, F, F]:
+        """The fit without the effect, its whitener, and an orthonormal basis of its columns."""
+        fit = self.fit()
+        size = fit.whitened.size
+        whitener = whiteners(self.noise.covariance(fit.rows, fit.base.error))
+        return fit, whitener, orthonormal(fit.design.reshape(size, fit.design.shape[2]))
+
+    @cached_property
+    def left(self) -> F:
+        """(M,) whitened residual that base and other effects leave."""
+        fit, _, fixed = self.without
+        whitened = fit.whitened.ravel()
+        return np.asarray(whitened - fixed @ (fixed.T @ whitened))
+
+    def value(self, shape: Effect) -> float:
+        """Squares that a shape explains, less ln(n) for each parameter."""
+        fit, whitener, fixed = self.without
+        jacobian = jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
+        columns = (whitener @ jacobian).reshape(self.left.size, -1)
+        left = columns - fixed @ (fixed.T @ columns)
+        if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ self.left)):
+            return -np.inf
+        own = orthonormal(left)
+        price = len(shape.parameters) * float(np.log(self.left.size))
+        return float(((own.T @ self.left) ** 2).sum()) - price
+
+    def best(self, shapes: Sequence[Effect]) -> tuple[float, Effect]:
+        """The value of the best shape, after the search between it and its neighbours, and it."""
+        most, position = max(((self.value(shape), -i) for i, shape in enumerate(shapes)))
+        return refined(self.value, shapes[-position], most, self.table.full)
+
+    def foretells_better(self, richer: Effect, plain: Effect) -> bool:
+        """Whether a richer shape foretells the parts of the rows better than a plain one."""
+        parts = [held_out_by_part(self.fit(shape)) for shape in (plain, richer)]
+        squares = [part[0] for part in parts if part is not None]
+        return len(squares) == 2 and holds_out(*squares)
+
+
+def best_shape(
+    base: StiffnessMap,
+    others: Sequence[FittedEffect],
+    effect: Effect,
+    table: Table,
+    noise: Noise,
+    *,
+    freeze_base: bool = False,
+    kept: Mapping[str, Any] | None = None,
+) -> Effect:
+    """The shape of an effect that explains most of the residual of base and other effects.
+
+    Of its variants and what lies between them; of its richer forms where held-out rows ask for one.
+    """
+    whole = table.full
+    variants = effect.variants(whole)
+    if len(variants) == 1 and not variants[0].refinement(whole):
+        return variants[0]
+    place = _Place(base, others, table, noise, freeze_base, kept)
+    most, best = place.best(variants)
+    if forms := best.refinement(whole):
+        more, richer = place.best(forms)
+        if more > most and place.foretells_better(richer, best):
+            return richer
+    return best
