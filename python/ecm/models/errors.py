@@ -201,12 +201,14 @@ class FitRecord:
         return asdict(self)
 
     @staticmethod
-    def of(name: str, fit: JointFit, noise: Noise, training_hash: str) -> FitRecord:
+    def of(
+        name: str, fit: JointFit, noise: Noise, training_hash: str, *, with_ceiling: bool = True
+    ) -> FitRecord:
         """The errors of a fit to rows of this hash."""
         table, m = fit.rows.table, fit.whitened.shape[1]
         squares = (fit.whitened**2).sum(axis=1)[table.of_poses]
         train, beyond = float(np.sqrt(squares.mean() / m)), held_out(fit)
-        ceiling = ceiling_rms(fit, table, noise)
+        ceiling = ceiling_rms(fit, table, noise) if with_ceiling else None
         return FitRecord(
             name=name,
             train=train,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -429,6 +430,7 @@ class Model(Shown, EvaluatedModel):
         noise: Noise | None = None,
         most_rows: int = MANY_ROWS,
         prior: CoefficientPrior | None = None,
+        with_ceiling: bool = True,
         progress: Progress | None = None,
     ) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
@@ -446,6 +448,9 @@ class Model(Shown, EvaluatedModel):
             fit report says so; what depends on earlier rows is computed on all of them.
         prior
             What is known of the base's coefficients beside the rows.
+        with_ceiling
+            Whether the history tells how far any function of the pose might go, which takes longer
+            than a fit of few rows; a model that is only compared does without.
         progress
             Called with the part that is done, the whole, and the step that begins.
 
@@ -503,11 +508,14 @@ class Model(Shown, EvaluatedModel):
         steps.begin(_RECORD)
         training["pose_error"] = error_of_report(fitted, table)
         history = list(self.history)
+        record = partial(
+            FitRecord.of, noise=used, training_hash=training["hash"], with_ceiling=with_ceiling
+        )
         # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
         if joint.effects and not history:
             alone = joint_fit(self.base, (), table, used, freeze_base=freeze_base)
-            history.append(FitRecord.of(self.base.name, alone, used, training["hash"]))
-        own = FitRecord.of(fitted.name, joint, used, training["hash"])
+            history.append(record(self.base.name, alone))
+        own = record(fitted.name, joint)
         history.append(own.beside(history[-1]) if history else own)
         return replace(fitted, history=tuple(history))
 

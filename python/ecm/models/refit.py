@@ -313,7 +313,7 @@ def remedy_with_base(
         specification = parse_model(name)
         refuse_unused_inputs(table, specification)
         base = fit_rows(table, specification)
-        found = base.add(*effects).fit(table)
+        found = base.add(*effects).fit(table, with_ceiling=False)
         refuse_worse(found, table)
         if effects and (objections(found, table, base) or _better_base(found, table) is not None):
             return None
@@ -482,13 +482,15 @@ def _changed(
     add: Sequence[str | Effect],
     remove: Sequence[str],
     freeze: Sequence[str],
-    progress: Progress | None,
+    progress: Progress | None = None,
+    *,
+    with_ceiling: bool = True,
 ) -> Model:
     """Fit a model with effects added, removed or kept."""
     changed = model.remove(*remove).add(*add).freeze(*freeze)
     with naming_outliers(table):
         try:
-            fitted = changed.fit(table, progress=progress)
+            fitted = changed.fit(table, with_ceiling=with_ceiling, progress=progress)
         except ModelError as error:
             if not add:
                 raise
@@ -497,23 +499,24 @@ def _changed(
         one_column = fitted.training.get("smallest_taken", False)
         if not add or not (one_column or undetermined(fitted, table, before)):
             return fitted
-        held = _held_near_physics(changed, table)
+        held = _held_near_physics(changed, table, with_ceiling)
         return fitted if held is None or undetermined(held, table, before) else held
 
 
-def _held_near_physics(changed: Model, table: Table) -> Model | None:
+def _held_near_physics(changed: Model, table: Table, with_ceiling: bool) -> Model | None:
     """The changed model fitted with the physics of the stated body as a prior.
 
     None where no body is stated, and for a base that is no free map of all columns.
     """
     free = isinstance(changed.base, EnergyMap | PolynomialMap) and not changed.base_frozen
-    stated = table.physics_body is not None and table.has(*POSE, *WRENCH)
-    if not free or not stated or changed.inputs != POSE:
+    known = table.physics_body is not None and table.has(*POSE, *WRENCH)
+    if not free or not known or changed.inputs != POSE:
         return None
-    physics = replace(changed, base=fit_rows(table, PhysicsModel()).base, history=()).fit(table)
+    stated = fit_rows(table, PhysicsModel()).base
+    physics = replace(changed, base=stated, history=()).fit(table, with_ceiling=False)
     base, rows = cast(PhysicsMap, physics.base), without_zero_readings(table)
     prior = physics_prior(changed.base, base, physics.effects, rows, physics.noise)
-    return changed.fit(table, prior=prior)
+    return changed.fit(table, prior=prior, with_ceiling=with_ceiling)
 
 
 @dataclass(frozen=True)
@@ -556,7 +559,7 @@ def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Additi
     ids = tuple(effect.id for effect in new)
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     try:
-        found = _changed(model, table, new, (), (), None)
+        found = _changed(model, table, new, (), (), with_ceiling=False)
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said = getattr(error, "message", str(error))
