@@ -78,8 +78,8 @@ def test_four_pressures_predict_three_others_once_the_friction_of_the_seal_is_na
     assert at_zero + per_pascal * 7e5 == pytest.approx(8.2, abs=0.15)
     after = fresh_error(Path("piston.json"))
     assert after < 3.355
-    assert after / noise < 129.5
-    assert after / spread < 0.0405
+    assert after / noise < 130.5
+    assert after / spread < 0.0415
     assert "errs 3.35 N in fx" in typed(ecm_command, compare)
     # What is left has no name: the three files lie above the four by a constant.
     again = typed(ecm_command, diagnose.replace("linear.json", "piston.json"))

@@ -34,7 +34,7 @@ from ecm.models.joint_fit import (
     joint_fit,
 )
 from ecm.models.maps import StiffnessMap
-from ecm.models.shapes import refined
+from ecm.models.shapes import SOME_ROUNDS, refined
 from ecm.regression.f_test import (
     explained_by_span,
     omnibus_test,
@@ -271,7 +271,7 @@ def _refined_shapes(
             return None
         gains = projection.explained_by_each([item.columns for item in own], y)
         best, start = best_of_each(own, gains)[id]
-        _, shape = refined(gain, start.effect, best, table)
+        _, shape = refined(gain, start.effect, best, table, SOME_ROUNDS)
         if shape is start.effect:
             return None
         return ScoreColumns(shape, score_columns(rows, whitener, shape))

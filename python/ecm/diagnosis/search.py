@@ -472,12 +472,17 @@ def _richer_form(
     def gain(form: Effect) -> float:
         return projection.explained_by_each([score_columns(rows, problem.whitener, form)], y)[0]
 
-    gains = [gain(form) for form in forms]
-    first = int(np.argmax(gains))
-    _, best = refined(gain, forms[first], gains[first], rows.whole.table)
-    wider, (richer,) = with_more(problem, (best,))
-    of_plain, of_richer = (held_out_by_fold(wider, some) for some in (chosen, (*others, richer)))
+    def finest(shapes: Sequence[Effect]) -> Effect:
+        gains = [gain(form) for form in shapes]
+        first = int(np.argmax(gains))
+        return refined(gain, shapes[first], gains[first], rows.whole.table)[1]
+
+    best = finest(forms)
+    # A time constant that is not quite right is no reason for a second one.
+    wider, (plain, richer) = with_more(problem, (finest((item.effect,)), best))
+    sets = (*others, plain), (*others, richer)
+    of_plain, of_richer = (held_out_by_fold(wider, some) for some in sets)
+    more = delta_bic(wider, sets[1]) - delta_bic(wider, sets[0])
     errors = (tuple(of_plain.tolist()), tuple(of_richer.tolist()))
-    more = delta_bic(wider, (*others, richer)) - delta_bic(wider, chosen)
     kept = more > problem.settings.least_bic and holds_out(of_plain**2, of_richer**2)
     return best, Refinement(item.id, best.shape, *errors, kept)

@@ -23,8 +23,9 @@ from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise, whiteners
 
-_ROUNDS = 7
-"""Times that shapes between the best and its neighbours are tried, each nearer than before."""
+SOME_ROUNDS, ALL_ROUNDS = 4, 7
+"""Times that shapes between the best and its neighbours are tried, each nearer than before: to
+compare effects, and to fit one."""
 _WORST_PART = 1.1
 """Largest growth of the error of a part of the rows that a richer form may cause."""
 
@@ -43,7 +44,11 @@ def holds_out(plain: F, richer: F) -> bool:
 
 
 def refined(
-    value: Callable[[Effect], float], shape: Effect, most: float, table: Table
+    value: Callable[[Effect], float],
+    shape: Effect,
+    most: float,
+    table: Table,
+    rounds: int = ALL_ROUNDS,
 ) -> tuple[float, Effect]:
     """The best of a shape, whose value is `most`, and what lies between it and its neighbours.
 
@@ -59,7 +64,7 @@ def refined(
     >>> bool(-0.3 < near < 0.0), found.id
     (True, 'stress_relaxation')
     """
-    for round_ in range(_ROUNDS):
+    for round_ in range(rounds):
         for other in shape.refined(table, round_):
             if (own := value(other)) > most:
                 most, shape = own, other
