@@ -9,16 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_509, 201),
-    "benches": (5_919, 51),
+    "python/ecm": (42_623, 202),
+    "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_078, 234),
+    "tests": (33_119, 234),
     "crates": (34_192, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: physics
-of bodies thicker than long, shifts beyond the FEM, one platform for all exports, laws that no
-energy holds, models named by a design of too few poses (100 in the package, of which 44 were taken
-from the rig and the diagnosis, and 132 in the tests)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: richer
+forms of what was found, taken by diagnosis and fit where held-out rows ask for them (114 in the
+package with `models/shapes.py`, 41 in the tests)."""
 
 
 @pytest.mark.parametrize("part", PARTS)
