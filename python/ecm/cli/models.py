@@ -45,7 +45,7 @@ from ecm.models.controller import AdaptSettings
 from ecm.models.export import export as export_model
 from ecm.models.fit import refuse_unused_inputs
 from ecm.models.fit_summary import fit_summary
-from ecm.models.physics.map import reach_of
+from ecm.models.physics.map import poses_meant
 from ecm.models.prediction import predict as predict_table
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
@@ -84,9 +84,9 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
 
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
     """Build the FEM of a body, with progress where it is not in the cache."""
-    reach = 0.0 if table is None else reach_of(table)
+    poses = None if table is None else poses_meant(table)
     with session.working("FEM of the body, kept for the next time") as tell:
-        return physics_map(body, threads=session.threads, progress=tell, reach_rad=reach)
+        return physics_map(body, threads=session.threads, progress=tell, poses=poses)
 
 
 def prepare_physics(table: Table, session: Session) -> None:

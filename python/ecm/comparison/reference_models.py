@@ -21,7 +21,7 @@ from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
-from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, reach_of
+from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, poses_meant
 from ecm.regression.folds import held_out_by, without_zero_readings
 from ecm.regression.noise import Noise
 
@@ -106,7 +106,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
     physics: StiffnessMap | None = model.base
     body, fem_needed = kept.physics_body, False
     if not isinstance(physics, PhysicsMap) and body is not None:
-        physics = kept_physics(body, reach_rad=reach_of(table))
+        physics = kept_physics(body, poses=poses_meant(table))
         fem_needed = physics is None
     if not isinstance(physics, PhysicsMap):
         physics = None

@@ -43,7 +43,7 @@ from ecm.models import (
     physics_map,
 )
 from ecm.models.actuated import ActuatedMap
-from ecm.models.physics.map import reach_of
+from ecm.models.physics.map import poses_meant
 from ecm.regression.blas import one_blas_thread
 from ecm.report.blocks import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source, reveal
@@ -330,7 +330,7 @@ def build_physics(job: Job, pairs: Simulated) -> PhysicsMap:
         job.config.mechanism,
         threads=job.threads,
         progress=job.console.progress("FEM of the body, kept for the next time"),
-        reach_rad=reach_of(pairs.table()),
+        poses=poses_meant(pairs.table()),
     )
 
 

@@ -55,17 +55,19 @@ def workspace_poses(
     margin: float = MARGIN,
     rotation_limit_rad: float = ROTATION_LIMIT_RAD,
     usual_rad: float = ROTATION_LIMIT_RAD,
+    more_force: float = 1.0,
 ) -> F:
     """(count, 6) random poses of the workspace, `margin` times its loads and rotations.
 
-    Of a body whose usual rotation is smaller the loads are smaller.
+    Of a body whose usual rotation is smaller the loads are smaller; its forces are `more_force`
+    times those.
     """
     sections = rod_like(stiffness, LENGTH_M)
     # Loads of bodies of one length scale with EI.
     size = sections["bending_stiffness_Nm2"] / NECK_BENDING_NM2
     # Where loads go with EI, the strain of a moment goes with r / L, of a force with its square.
     share = np.minimum(1.0, np.array([usual_rad, rotation_limit_rad]) / ROTATION_LIMIT_RAD)
-    less = np.repeat(share ** [2, 1], 3)
+    less = np.repeat(share ** [2, 1] * [more_force, 1.0], 3)
     low, high = (less * (margin * (size * np.asarray(end))) for end in (TABLE_I_MIN, TABLE_I_MAX))
     random = np.random.default_rng([seed, 3])
     usable: list[F] = []
@@ -91,14 +93,13 @@ def spread_poses(
     *,
     seed: int,
     threads: int = 0,
-    rotation_limit_rad: float = ROTATION_LIMIT_RAD,
-    usual_rad: float = ROTATION_LIMIT_RAD,
+    **limits: float,
 ) -> F:
     """(count, 6) poses of the workspace: half D-optimal for an energy, half random.
 
-    The first half lies at the limits of the workspace, the second also in its middle.
+    The first half lies at the limits of the workspace, the second also in its middle. The limits
+    are those of `workspace_poses`.
     """
-    limits = {"rotation_limit_rad": rotation_limit_rad, "usual_rad": usual_rad}
     pool = workspace_poses(stiffness, _CANDIDATES, seed=seed, **limits)
     bounding = count // 2
     regressor = EnergyTerms(LENGTH_M, _DEGREE).regressor(pool, np.array([LENGTH_M, 1.0]))

@@ -118,11 +118,14 @@ def build_family(
     shape: Mechanism,
     settings: BuildSettings,
     *,
+    more_force: float = 1.0,
     stage: Stage | None = None,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> PhysicsFamily:
     """Solve nine bodies by FEM and fit the family; finished bodies are kept in `stage`.
+
+    The forces of its poses are `more_force` times the usual ones.
 
     Raises
     ------
@@ -134,7 +137,8 @@ def build_family(
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     usual = usual_rotation_rad(shape)
     limits = {"rotation_limit_rad": settings.rotation_limit_rad, "usual_rad": usual}
-    wide, done = settings.rotation_limit_rad > usual, 0
+    limits["more_force"] = more_force
+    wide, done = settings.rotation_limit_rad > usual or more_force > 1.0, 0
     count = settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1)
     poses = spread_poses(rest, count, seed=settings.seed, threads=threads, **limits)
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import EcmError
+from ecm._native import EcmError, mid_frame
 from ecm.errors import InputError
 from ecm.io.arrays import F, rms_of_columns
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
@@ -54,6 +54,11 @@ _MOST_REACH = 2.4
 _POSES_OF_A_MESH = 160
 _POSES_OF_A_WIDE_FAMILY = 160
 """The energies of degree 8, which rotations beyond 1 rad need, have 157 terms at least."""
+_USUAL = 0.98
+"""Share of the poses that a family must hold; single ones far out are no reason for a FEM."""
+_FURTHER, _FURTHEST = 1.5, 5.0
+"""Shifts over those of the FEM poses from which a family of larger forces is built, in steps of the
+same factor, and to which; a neck at 1.5 times errs by 1 %, a thick body by 2 to 4 %."""
 FREE = ("young_modulus_Pa", "poisson_ratio")
 """Parameters that a refit changes by default; L and D stay as the file states them."""
 
@@ -307,6 +312,7 @@ def physics_map(
     progress: Progress | None = None,
     settings: BuildSettings | None = None,
     reach_rad: float = 0.0,
+    poses: F | None = None,
 ) -> PhysicsMap:
     """The physics map of a mechanism; its family is built once per shape and kept in `cache`.
 
@@ -326,6 +332,10 @@ def physics_map(
     reach_rad
         Largest rotation of the poses to predict; beyond 0.88 rad, of a body thicker than long
         less, a wider family of more poses is built, which takes twice as long.
+    poses
+        (N, 6) m and rad, to predict: what 98 % of them do not exceed is the reach. Where they are
+        pulled, pressed or pushed aside far beyond the FEM of the usual loads, a family of larger
+        forces is built as well.
 
     Raises
     ------
@@ -347,20 +357,15 @@ def physics_map(
             "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
             "mesh, and young_modulus_Pa"
         )
-    kept = _Kept.of(mechanism, settings, reach_rad, cache)
-    family = kept.family()
-    if family is None:
-        stage = Stage(kept.directory, "physics-bodies", kept.key)
-        family = build_family(
-            kept.shape, kept.settings, stage=stage, threads=threads, progress=progress
-        )
-        _write(kept.path, plain(family))
-        stage.forget_parts()
+    kept = _Kept.of(mechanism, settings, max(reach_rad, _turned(poses)), cache)
+    family = kept.built(threads, progress)
+    if (further := kept.further(family, _shifts(poses, mechanism))) is not None:
+        kept, family = further, further.built(threads, progress)
     return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
 
 def kept_physics(
-    mechanism: Mechanism, *, cache: Path | None = None, reach_rad: float = 0.0
+    mechanism: Mechanism, *, cache: Path | None = None, poses: F | None = None
 ) -> PhysicsMap | None:
     """The same of a FEM that ran before; None where it would have to run, which takes minutes.
 
@@ -369,10 +374,14 @@ def kept_physics(
     >>> kept_physics(Mechanism(radius_m=0.0271), cache=Path("no such folder")) is None
     True
     """
-    kept = _Kept.of(mechanism, None, reach_rad, cache)
+    kept = _Kept.of(mechanism, None, _turned(poses), cache)
     family = kept.family()
     if family is None:
         return None
+    if (further := kept.further(family, _shifts(poses, mechanism))) is not None:
+        kept, family = further, further.family()
+        if family is None:
+            return None
     return _map_of(mechanism, family, kept.mesh(family, build=False))
 
 
@@ -414,6 +423,39 @@ class _Kept:
             key["usual_rad"] = usual
         return cls(shape, settings, cache_directory() if cache is None else cache, key)
 
+    def further(self, family: PhysicsFamily, shifts: F | None) -> _Kept | None:
+        """Where a family of larger forces is kept; None where this one holds shifts (3,) over L.
+
+        What no such body can do is an error of the table, and no reason for a FEM.
+        """
+        if shifts is None:
+            return None
+        low, high, across = family.shifts
+        beyond = [*(2.0 * shifts[:2] - low - high) / (high - low), shifts[2] / across]
+        times = float(np.abs(beyond).max())
+        if not _FURTHER < times <= _FURTHEST:
+            return None
+        key = {**self.key, "more_force": _FURTHER ** math.ceil(math.log(times, _FURTHER))}
+        poses = max(self.settings.poses, _POSES_OF_A_WIDE_FAMILY)
+        return replace(self, key=key | {"settings": replace(self.settings, poses=poses)})
+
+    def built(self, threads: int, progress: Progress | None) -> PhysicsFamily:
+        """The family, which is solved by FEM where it is not there."""
+        if (family := self.family()) is not None:
+            return family
+        stage = Stage(self.directory, "physics-bodies", self.key)
+        family = build_family(
+            self.shape,
+            self.key["settings"],
+            more_force=self.key.get("more_force", 1.0),
+            stage=stage,
+            threads=threads,
+            progress=progress,
+        )
+        _write(self.path, plain(family))
+        stage.forget_parts()
+        return family
+
     @property
     def path(self) -> Path:
         """File of the family in the cache."""
@@ -451,7 +493,7 @@ class _Kept:
 
 
 def _map_of(mechanism: Mechanism, family: PhysicsFamily, mesh: MeshDifference | None) -> PhysicsMap:
-    length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
+    length = _length_of(mechanism)
     stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
         "young_modulus_Pa": stated.young_modulus_Pa,
@@ -469,19 +511,44 @@ def _map_of(mechanism: Mechanism, family: PhysicsFamily, mesh: MeshDifference | 
     )
 
 
-def reach_of(table: Table) -> float:
-    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns.
+def _length_of(mechanism: Mechanism) -> float:
+    return mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
 
-    Of quaternions that were read in the wrong order, that of the right one: no FEM shall run for
-    half turns that never were.
+
+def _turned(poses: F | None) -> float:
+    """Rotation, rad, that 98 % of poses (N, 6) do not exceed."""
+    if poses is None:
+        return 0.0
+    return float(np.quantile(np.linalg.norm(poses[:, 3:], axis=1), _USUAL))
+
+
+def _shifts(poses: F | None, mechanism: Mechanism) -> F | None:
+    """(3,) over L: shifts along the axis between which 98 % of the poses are, and one across."""
+    if poses is None:
+        return None
+    length = _length_of(mechanism)
+    shift = mid_frame(poses, length)[:, :3] / length
+    rest = 0.5 * (1.0 - _USUAL)
+    along = np.quantile(shift[:, 0], [rest, 1.0 - rest])
+    across = np.quantile(np.linalg.norm(shift[:, 1:], axis=1), _USUAL)
+    return np.array([*along, across], dtype=np.float64)
+
+
+def poses_meant(table: Table) -> F | None:
+    """(N, 6) poses of a table for `physics_map`; None without rotation columns.
+
+    Where positions lack they are nan, and only turns count. Of quaternions that were read in the wrong order, in the right one: no FEM shall run for half
+    turns that never were.
     """
     if not table.has(*POSE[3:]):
-        return 0.0
-    vectors = table.matrix(POSE[3:])
-    meant = likely_order(vectors)
-    if meant:
-        vectors = read_in_other_order(vectors, ORDERS[meant])
-    return float(np.quantile(np.linalg.norm(vectors, axis=1), 0.98))
+        return None
+    poses = np.full((len(table), 6), np.nan)
+    poses[:, 3:] = table.matrix(POSE[3:])
+    if table.has(*POSE[:3]):
+        poses[:, :3] = table.matrix(POSE[:3])
+    if meant := likely_order(poses[:, 3:]):
+        poses[:, 3:] = read_in_other_order(poses[:, 3:], ORDERS[meant])
+    return poses
 
 
 def _read(path: Path) -> PhysicsFamily | None:

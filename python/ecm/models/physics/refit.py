@@ -23,7 +23,7 @@ from ecm.models.layout import Layout, anything, array, items, named, number, one
 from ecm.models.maps import CHOOSE, FittedMap, ModelSpecification, StiffnessMap, Weights
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.models.physics.family import LAYOUT, PARAMETERS
-from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
+from ecm.models.physics.map import PhysicsMap, physics_map, poses_meant
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import Rows
@@ -164,7 +164,7 @@ class PhysicsModel(ModelSpecification):
                     "give [mechanism] builtin with its dimensions, or mesh, in the data's TOML",
                     remedy=CHOOSE,
                 )
-            base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
+            base = physics_map(body, threads=self.threads, poses=poses_meant(table))
         if is_partial(table):
             return fit_measured(base, table, progress=progress)
         return refit_physics(base, table, progress=progress)
