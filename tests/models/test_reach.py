@@ -11,6 +11,7 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.errors import ComputationError
+from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
@@ -26,13 +27,14 @@ from ecm.models.physics.build import (
     usual_rotation_rad,
 )
 from ecm.models.physics.family import PhysicsFamily
-from ecm.models.physics.map import PhysicsMap, physics_map
+from ecm.models.physics.map import PhysicsMap, kept_physics, physics_map
 from ecm.models.prediction import predict
 from support.campaigns import physics, workspace_poses
 from support.neck import Command, columns_of
 from support.stand_in import L
 
 REACH_RAD = 1.1
+STIFF = np.diag([2e4, 4e3, 4e3, 4.0, 16.0, 16.0])
 
 
 def far_table() -> Table:
@@ -60,8 +62,8 @@ def test_the_physics_of_a_toml_is_as_wide_as_the_data(
     """Catches a surrogate of 0.8 rad that is asked beyond without a word."""
     asked: list[float] = []
 
-    def built(*_: Any, reach_rad: float = 0.0, **__: Any) -> PhysicsMap:
-        asked.append(reach_rad)
+    def built(*_: Any, poses: F, **__: Any) -> PhysicsMap:
+        asked.append(float(np.linalg.norm(poses[:, 3:], axis=1).max()))
         return physics()
 
     monkeypatch.setattr("ecm.cli.models.physics_map", built)
@@ -179,6 +181,39 @@ def test_shifts_beyond_the_fem_are_said_and_their_error_is_in_the_sd() -> None:
     before = {key: value for key, value in plain(base.family).items() if key != "shifts"}
     scale = float(base.family.scale[0])
     assert PhysicsFamily.from_dict(before).shifts.tolist() == [-scale, scale, scale]
+
+
+def test_poses_that_shift_far_ask_for_a_family_of_larger_forces(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Neither near poses do, nor those that no such body reaches, nor turns without positions."""
+    asked: list[tuple[float, str]] = []
+    usual = physics_map(Mechanism()).family
+    assert usual is not None
+
+    def built(*_: Any, more_force: float, stage: Stage, **__: Any) -> PhysicsFamily:
+        asked.append((more_force, stage.key))
+        return usual
+
+    monkeypatch.setattr("ecm.models.physics.map.build_family", built)
+    poses = np.tile([0.1034, 0.0, 0.0, 0.0, 0.0, 0.0], (40, 1))
+    near, aside, far, wrong = poses.copy(), poses.copy(), poses.copy(), poses.copy()
+    near[:, 2] = 0.1034 * usual.shifts[2]
+    aside[:, 2] = 2.0 * near[:, 2]
+    low, high, _ = usual.shifts
+    far[:, 0] *= 1.0 + 0.5 * (low + high) - 2.0 * (high - low)
+    wrong[:, 0] = 0.0
+    turned = np.full((40, 6), [np.nan, np.nan, np.nan, 0.1, 0.0, 0.0])
+    for some in (near, wrong, turned, aside, far, aside):
+        physics_map(Mechanism(), cache=tmp_path, poses=some)
+    assert [force for force, _ in asked] == [1.5**2, pytest.approx(1.5**4)]
+    assert len({key for _, key in asked}) == 2
+    assert kept_physics(Mechanism(), cache=tmp_path, poses=aside) is not None
+    shifts = [
+        body_fits.workspace_poses(STIFF, 100, seed=1, more_force=more)[:, 1:3].std()
+        for more in (1.0, 2.0)
+    ]
+    assert shifts[1] > 1.3 * shifts[0]
 
 
 def test_the_rows_of_a_wide_family_carry_its_error_where_they_turn_far(

@@ -262,8 +262,8 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
             f"than the FEM behind the physics, up to {shifted.max():.1f} times: it knows {low:.2g} "
             f"to {high:+.2g} mm along the axis and {most:.2g} mm across. At twice that a neck's "
             "errs by some 2 %, a thick body's by 5 to 13 %, at 4 times by a third and more. "
-            "Measure there and fit energy6, or solve these poses by FEM: "
-            "mechanism.fem().solve_poses(poses)"
+            "Build it further, up to five times: physics_map(mechanism, poses=poses), or give the "
+            "TOML of the mechanism as MODEL"
         )
     return said
 

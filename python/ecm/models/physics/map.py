@@ -436,8 +436,7 @@ class _Kept:
         if not _FURTHER < times <= _FURTHEST:
             return None
         key = {**self.key, "more_force": _FURTHER ** math.ceil(math.log(times, _FURTHER))}
-        poses = max(self.settings.poses, _POSES_OF_A_WIDE_FAMILY)
-        return replace(self, key=key | {"settings": replace(self.settings, poses=poses)})
+        return replace(self, key=key)
 
     def built(self, threads: int, progress: Progress | None) -> PhysicsFamily:
         """The family, which is solved by FEM where it is not there."""
@@ -446,7 +445,7 @@ class _Kept:
         stage = Stage(self.directory, "physics-bodies", self.key)
         family = build_family(
             self.shape,
-            self.key["settings"],
+            self.settings,
             more_force=self.key.get("more_force", 1.0),
             stage=stage,
             threads=threads,
@@ -524,7 +523,7 @@ def _turned(poses: F | None) -> float:
 
 def _shifts(poses: F | None, mechanism: Mechanism) -> F | None:
     """(3,) over L: shifts along the axis between which 98 % of the poses are, and one across."""
-    if poses is None:
+    if poses is None or not np.isfinite(poses).all():
         return None
     length = _length_of(mechanism)
     shift = mid_frame(poses, length)[:, :3] / length
@@ -537,8 +536,8 @@ def _shifts(poses: F | None, mechanism: Mechanism) -> F | None:
 def poses_meant(table: Table) -> F | None:
     """(N, 6) poses of a table for `physics_map`; None without rotation columns.
 
-    Where positions lack they are nan, and only turns count. Of quaternions that were read in the wrong order, in the right one: no FEM shall run for half
-    turns that never were.
+    Where positions lack, they are nan and only turns count. Of quaternions that were read in the
+    wrong order, in the right one: no FEM shall run for half turns that never were.
     """
     if not table.has(*POSE[3:]):
         return None
