@@ -10,6 +10,7 @@ All bodies are fitted at the same poses with the same weights: one design matrix
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,19 +56,20 @@ def workspace_poses(
     margin: float = MARGIN,
     rotation_limit_rad: float = ROTATION_LIMIT_RAD,
     usual_rad: float = ROTATION_LIMIT_RAD,
-    more_force: float = 1.0,
+    more_force: tuple[float, float] = (1.0, 1.0),
 ) -> F:
     """(count, 6) random poses of the workspace, `margin` times its loads and rotations.
 
-    Of a body whose usual rotation is smaller the loads are smaller; its forces are `more_force`
-    times those.
+    Of a body whose usual rotation is smaller the loads are smaller; its forces along the axis and
+    across it are `more_force` times those.
     """
     sections = rod_like(stiffness, LENGTH_M)
     # Loads of bodies of one length scale with EI.
     size = sections["bending_stiffness_Nm2"] / NECK_BENDING_NM2
     # Where loads go with EI, the strain of a moment goes with r / L, of a force with its square.
     share = np.minimum(1.0, np.array([usual_rad, rotation_limit_rad]) / ROTATION_LIMIT_RAD)
-    less = np.repeat(share ** [2, 1] * [more_force, 1.0], 3)
+    less = np.repeat(share ** [2, 1], 3)
+    less[:3] *= np.repeat(more_force, [1, 2])
     low, high = (less * (margin * (size * np.asarray(end))) for end in (TABLE_I_MIN, TABLE_I_MAX))
     random = np.random.default_rng([seed, 3])
     usable: list[F] = []
@@ -93,7 +95,7 @@ def spread_poses(
     *,
     seed: int,
     threads: int = 0,
-    **limits: float,
+    **limits: Any,
 ) -> F:
     """(count, 6) poses of the workspace: half D-optimal for an energy, half random.
 

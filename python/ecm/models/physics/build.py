@@ -118,14 +118,14 @@ def build_family(
     shape: Mechanism,
     settings: BuildSettings,
     *,
-    more_force: float = 1.0,
+    more_force: tuple[float, float] = (1.0, 1.0),
     stage: Stage | None = None,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> PhysicsFamily:
     """Solve nine bodies by FEM and fit the family; finished bodies are kept in `stage`.
 
-    The forces of its poses are `more_force` times the usual ones.
+    The forces of its poses along the axis and across it are `more_force` times the usual ones.
 
     Raises
     ------
@@ -136,9 +136,9 @@ def build_family(
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     usual = usual_rotation_rad(shape)
-    limits = {"rotation_limit_rad": settings.rotation_limit_rad, "usual_rad": usual}
+    limits: dict[str, Any] = {"rotation_limit_rad": settings.rotation_limit_rad, "usual_rad": usual}
     limits["more_force"] = more_force
-    wide, done = settings.rotation_limit_rad > usual or more_force > 1.0, 0
+    wide, done = settings.rotation_limit_rad > usual or max(more_force) > 1.0, 0
     count = settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1)
     poses = spread_poses(rest, count, seed=settings.seed, threads=threads, **limits)
 
@@ -159,7 +159,12 @@ def build_family(
         first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, most))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
-        rest, settings.test_poses, seed=settings.seed + 1, margin=1.0, **limits
+        rest,
+        settings.test_poses,
+        seed=settings.seed + 1,
+        margin=1.0,
+        **limits,
+        more_force=more_force,
     )
     bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
     bodies += [(s, x, unseen) for s, x in nodes.unseen]
@@ -215,7 +220,7 @@ def mesh_difference(
     standard, fine = (_Bodies(replace(shape, quality=quality)) for quality in ("standard", "fine"))
     rest = standard.fem(s, 0.0).rest_stiffness()
     usual = usual_rotation_rad(shape)
-    limits = {"rotation_limit_rad": usual, "usual_rad": usual}
+    limits: dict[str, Any] = {"rotation_limit_rad": usual, "usual_rad": usual}
     poses = workspace_poses(rest, _MESH_POSES, seed=_MESH_SEED, **limits)
     solved = [
         _solved(body.fem(s, 0.0), poses, threads, progress, (done, 2 * len(poses)))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import EcmError, mid_frame
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, rms_of_columns
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE, WRENCH
@@ -360,7 +360,9 @@ def physics_map(
     kept = _Kept.of(mechanism, settings, max(reach_rad, _turned(poses)), cache)
     family = kept.built(threads, progress)
     if (further := kept.further(family, _shifts(poses, mechanism))) is not None:
-        kept, family = further, further.built(threads, progress)
+        # Where too few such poses have a stable state, predictions say what they are beyond.
+        with suppress(ComputationError):
+            kept, family = further, further.built(threads, progress)
     return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
 
@@ -431,12 +433,12 @@ class _Kept:
         if shifts is None:
             return None
         low, high, across = family.shifts
-        beyond = [*(2.0 * shifts[:2] - low - high) / (high - low), shifts[2] / across]
-        times = float(np.abs(beyond).max())
-        if not _FURTHER < times <= _FURTHEST:
+        along = float(np.abs(2.0 * shifts[:2] - low - high).max()) / (high - low)
+        times = np.array([along, shifts[2] / across])
+        if not _FURTHER < times.max() <= _FURTHEST:
             return None
-        key = {**self.key, "more_force": _FURTHER ** math.ceil(math.log(times, _FURTHER))}
-        return replace(self, key=key)
+        steps = np.ceil(np.log(np.maximum(times, 1.0)) / np.log(_FURTHER)) * (times > _FURTHER)
+        return replace(self, key=self.key | {"more_force": (_FURTHER**steps).tolist()})
 
     def built(self, threads: int, progress: Progress | None) -> PhysicsFamily:
         """The family, which is solved by FEM where it is not there."""
@@ -446,7 +448,7 @@ class _Kept:
         family = build_family(
             self.shape,
             self.settings,
-            more_force=self.key.get("more_force", 1.0),
+            more_force=tuple(self.key.get("more_force", (1.0, 1.0))),
             stage=stage,
             threads=threads,
             progress=progress,
