@@ -159,12 +159,7 @@ def build_family(
         first = solved_at(_SCREEN, nodes.centre, 0.0, poses, (0, most))
         poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
-        rest,
-        settings.test_poses,
-        seed=settings.seed + 1,
-        margin=1.0,
-        **limits,
-        more_force=more_force,
+        rest, settings.test_poses, seed=settings.seed + 1, margin=1.0, **limits
     )
     bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
     bodies += [(s, x, unseen) for s, x in nodes.unseen]
