@@ -13,9 +13,8 @@ CARGO  ?= cargo
 STEP   := scripts/step
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-# Processes that share the tests, at most four: one more than cores, for a page, a robot and a killed
-# run wait much of their time.
-WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n + 1 : 4)))
+# Processes that share the tests: one a core, at most four.
+WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
 # The oldest compiler that the crates promise.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)

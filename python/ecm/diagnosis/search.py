@@ -434,7 +434,7 @@ def _scored_groups(problem: Problem) -> F:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A richer form of an accepted effect, with held-out errors of both forms."""
+    """A richer form of an effect that was found, with held-out errors of both forms."""
 
     id: str
     shape: Shape
@@ -443,7 +443,7 @@ class Refinement:
     held_out_richer: tuple[float, ...]
     """The same with the richer form."""
     kept: bool
-    """Whether the total error falls and no fold gets much worse."""
+    """Whether BIC asks for it, the total error falls and no fold gets much worse."""
 
 
 def richer_forms(

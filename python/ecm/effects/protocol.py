@@ -269,7 +269,7 @@ class Effect:
         return tuple(replace(shape, **{name: number}) for number in numbers if number < most)
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """Richer forms to try on held-out rows once the effect is accepted; here none."""
+        """Richer forms to try on held-out rows once the effect is found; here none."""
         return ()
 
     def plain_form(self) -> Effect | None:
