@@ -210,7 +210,8 @@ def test_poses_that_shift_far_ask_for_a_family_of_larger_forces(
         physics_map(Mechanism(), cache=tmp_path, poses=some)
     assert [force for force, _ in asked] == [(1.0, 1.5**2), (1.5**4, 1.0)]
     assert len({key for _, key in asked}) == 2
-    assert kept_physics(Mechanism(), cache=tmp_path, poses=aside) is not None
+    # Of the second, whose states are not stable, compare and diagnose take the usual one as well.
+    assert all(kept_physics(Mechanism(), cache=tmp_path, poses=some) for some in (aside, far))
     shifts = [
         body_fits.workspace_poses(STIFF, 100, seed=1, more_force=more)[:, 1:3].std()
         for more in ((1.0, 1.0), (1.0, 2.0))

@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_671, 202),
+    "python/ecm": (42_669, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
     "tests": (33_151, 234),
@@ -17,7 +17,7 @@ LIMITS = {
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: richer
 forms of what was found, taken by diagnosis and fit where held-out rows ask for them (114 in the
-package with `models/shapes.py`, 41 in the tests), and physics as far as poses shift (48, 32)."""
+package with `models/shapes.py`, 41 in the tests), and physics as far as poses shift (46, 32)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

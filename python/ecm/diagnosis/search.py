@@ -16,7 +16,7 @@ from ecm.diagnosis.problem import Candidate, Problem, Projection, score_columns,
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I
-from ecm.models.shapes import holds_out, refined
+from ecm.models.shapes import best_of, holds_out
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
 
@@ -472,14 +472,11 @@ def _richer_form(
     def gain(form: Effect) -> float:
         return projection.explained_by_each([score_columns(rows, problem.whitener, form)], y)[0]
 
-    def finest(shapes: Sequence[Effect]) -> Effect:
-        gains = [gain(form) for form in shapes]
-        first = int(np.argmax(gains))
-        return refined(gain, shapes[first], gains[first], rows.whole.table)[1]
-
-    best = finest(forms)
-    # A time constant that is not quite right is no reason for a second one.
-    wider, (plain, richer) = with_more(problem, (finest((item.effect,)), best))
+    # A time constant that is not quite right is no reason for a second one: both are refined.
+    finest, best = (
+        best_of(gain, shapes, rows.whole.table)[1] for shapes in ((item.effect,), forms)
+    )
+    wider, (plain, richer) = with_more(problem, (finest, best))
     sets = (*others, plain), (*others, richer)
     of_plain, of_richer = (held_out_by_fold(wider, some) for some in sets)
     more = delta_bic(wider, sets[1]) - delta_bic(wider, sets[0])

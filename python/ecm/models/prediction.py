@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm._native import convert_stiffness, mid_frame
+from ecm._native import convert_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import STIFFNESS
 from ecm.io.events import Progress, tell_part
@@ -200,17 +200,13 @@ def _with_reach(model: Model, poses: F, sd: F | None) -> F | None:
 def _beside_fem(model: Model, poses: F) -> tuple[PhysicsMap, F, F] | None:
     """A physics base that is FEM's, the turns of the poses (N,), and their shifts over the FEM's.
 
-    A shift counts from the middle of those of the FEM poses, half their range is 1. None for other
-    bases.
+    None for other bases.
     """
     base = model.base
     if not isinstance(base, PhysicsMap) or base.family is None or base.length_m is None:
         return None
-    low, high, most = base.length_m * base.family.shifts
-    shift = mid_frame(poses, base.length_m)[:, :3]
-    along = np.abs(2.0 * shift[:, 0] - low - high) / (high - low)
-    across = np.linalg.norm(shift[:, 1:], axis=1) / most
-    return base, np.linalg.norm(poses[:, 3:], axis=1), np.maximum(along, across)
+    shifted = np.abs(base.family.shifted(poses, base.length_m)).max(axis=1)
+    return base, np.linalg.norm(poses[:, 3:], axis=1), shifted
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:

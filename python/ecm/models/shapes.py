@@ -71,6 +71,15 @@ def refined(
     return most, shape
 
 
+def best_of(
+    value: Callable[[Effect], float], shapes: Sequence[Effect], table: Table
+) -> tuple[float, Effect]:
+    """The value of the best of some shapes, after the search around the first best, and it."""
+    values = [value(shape) for shape in shapes]
+    first = int(np.argmax(values))
+    return refined(value, shapes[first], values[first], table)
+
+
 @dataclass(frozen=True)
 class _Place:
     """What the base and the other effects of a model leave for the shapes of one effect."""
@@ -116,11 +125,6 @@ class _Place:
         price = len(shape.parameters) * float(np.log(self.left.size))
         return float(((own.T @ self.left) ** 2).sum()) - price
 
-    def best(self, shapes: Sequence[Effect]) -> tuple[float, Effect]:
-        """The value of the best shape, after the search between it and its neighbours, and it."""
-        most, position = max(((self.value(shape), -i) for i, shape in enumerate(shapes)))
-        return refined(self.value, shapes[-position], most, self.table.full)
-
     def foretells_better(self, richer: Effect, plain: Effect) -> bool:
         """Whether a richer shape foretells the parts of the rows better than a plain one."""
         parts = [held_out_by_part(self.fit(shape)) for shape in (plain, richer)]
@@ -147,9 +151,9 @@ def best_shape(
     if len(variants) == 1 and not variants[0].refinement(whole):
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
-    most, best = place.best(variants)
+    most, best = best_of(place.value, variants, whole)
     if forms := best.refinement(whole):
-        more, richer = place.best(forms)
+        more, richer = best_of(place.value, forms, whole)
         if more > most and place.foretells_better(richer, best):
             return richer
     return best

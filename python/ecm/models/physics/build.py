@@ -136,8 +136,11 @@ def build_family(
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     usual = usual_rotation_rad(shape)
-    limits: dict[str, Any] = {"rotation_limit_rad": settings.rotation_limit_rad, "usual_rad": usual}
-    limits["more_force"] = more_force
+    limits: dict[str, Any] = {
+        "rotation_limit_rad": settings.rotation_limit_rad,
+        "usual_rad": usual,
+        "more_force": more_force,
+    }
     wide, done = settings.rotation_limit_rad > usual or max(more_force) > 1.0, 0
     count = settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1)
     poses = spread_poses(rest, count, seed=settings.seed, threads=threads, **limits)

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from ecm._native import mid_frame
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.models.layout import array, number, one_of, read_plain, record
@@ -110,6 +111,16 @@ class PhysicsFamily:
         """(k, 6) exponents of the terms."""
         count = self.table.shape[2]
         return np.asarray(self._map(np.zeros(count), 1.0).model.terms)
+
+    def shifted(self, poses: F, length_m: float) -> F:
+        """(N, 2) shifts of poses (N, 6) along the axis and across it, over those of the FEM poses.
+
+        They count from the middle of those; half their range is 1.
+        """
+        low, high, most = length_m * self.shifts
+        shift = mid_frame(poses, length_m)[:, :3]
+        along = (2.0 * shift[:, 0] - low - high) / (high - low)
+        return np.column_stack([along, np.linalg.norm(shift[:, 1:], axis=1) / most])
 
     def check(self, values: Mapping[str, float]) -> None:
         """InputError where a value lies outside what was tabulated."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import EcmError, mid_frame
+from ecm._native import EcmError
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, rms_of_columns
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
@@ -359,7 +359,7 @@ def physics_map(
         )
     kept = _Kept.of(mechanism, settings, max(reach_rad, _turned(poses)), cache)
     family = kept.built(threads, progress)
-    if (further := kept.further(family, _shifts(poses, mechanism))) is not None:
+    if (further := kept.further(family, poses, _length_of(mechanism))) is not None:
         # Where too few such poses have a stable state, predictions say what they are beyond.
         with suppress(ComputationError):
             kept, family = further, further.built(threads, progress)
@@ -371,6 +371,8 @@ def kept_physics(
 ) -> PhysicsMap | None:
     """The same of a FEM that ran before; None where it would have to run, which takes minutes.
 
+    Where only that of larger forces did not run, or its states are not stable, the usual one.
+
     Examples
     --------
     >>> kept_physics(Mechanism(radius_m=0.0271), cache=Path("no such folder")) is None
@@ -380,10 +382,9 @@ def kept_physics(
     family = kept.family()
     if family is None:
         return None
-    if (further := kept.further(family, _shifts(poses, mechanism))) is not None:
-        kept, family = further, further.family()
-        if family is None:
-            return None
+    further = kept.further(family, poses, _length_of(mechanism))
+    if further is not None and (far := further.family()) is not None:
+        kept, family = further, far
     return _map_of(mechanism, family, kept.mesh(family, build=False))
 
 
@@ -425,16 +426,17 @@ class _Kept:
             key["usual_rad"] = usual
         return cls(shape, settings, cache_directory() if cache is None else cache, key)
 
-    def further(self, family: PhysicsFamily, shifts: F | None) -> _Kept | None:
-        """Where a family of larger forces is kept; None where this one holds shifts (3,) over L.
+    def further(self, family: PhysicsFamily, poses: F | None, length_m: float) -> _Kept | None:
+        """Where a family of larger forces is kept; None where this one holds the poses (N, 6).
 
         What no such body can do is an error of the table, and no reason for a FEM.
         """
-        if shifts is None:
+        if poses is None or not np.isfinite(poses).all():
             return None
-        low, high, across = family.shifts
-        along = float(np.abs(2.0 * shifts[:2] - low - high).max()) / (high - low)
-        times = np.array([along, shifts[2] / across])
+        along, across = family.shifted(poses, length_m).T
+        rest = 0.5 * (1.0 - _USUAL)
+        ends = np.abs(np.quantile(along, [rest, 1.0 - rest]))
+        times = np.array([ends.max(), np.quantile(across, _USUAL)])
         if not _FURTHER < times.max() <= _FURTHEST:
             return None
         steps = np.ceil(np.log(np.maximum(times, 1.0)) / np.log(_FURTHER)) * (times > _FURTHER)
@@ -521,18 +523,6 @@ def _turned(poses: F | None) -> float:
     if poses is None:
         return 0.0
     return float(np.quantile(np.linalg.norm(poses[:, 3:], axis=1), _USUAL))
-
-
-def _shifts(poses: F | None, mechanism: Mechanism) -> F | None:
-    """(3,) over L: shifts along the axis between which 98 % of the poses are, and one across."""
-    if poses is None or not np.isfinite(poses).all():
-        return None
-    length = _length_of(mechanism)
-    shift = mid_frame(poses, length)[:, :3] / length
-    rest = 0.5 * (1.0 - _USUAL)
-    along = np.quantile(shift[:, 0], [rest, 1.0 - rest])
-    across = np.quantile(np.linalg.norm(shift[:, 1:], axis=1), _USUAL)
-    return np.array([*along, across], dtype=np.float64)
 
 
 def poses_meant(table: Table) -> F | None:
