@@ -23,6 +23,12 @@ def problem() -> Problem:
     return assemble(choose_base(model(), table), table, all_effects(), None)
 
 
+def shapes_of_best(problem: Problem, count: int) -> list[Candidate]:
+    """All shapes of the effects that explain most."""
+    ids = {item.candidate.id for item in rank(problem)[:count]}
+    return [c for c in problem.candidates if c.id in ids]
+
+
 def one_by_one(problem: Problem, sets: list[list[Candidate]], seed: int) -> list[dict[str, float]]:
     """The same beside each set of others, from the whole normal equations of each draw."""
     count = len(problem.normal.squares)
@@ -32,8 +38,9 @@ def one_by_one(problem: Problem, sets: list[list[Candidate]], seed: int) -> list
     won: list[dict[str, float]] = [{} for _ in sets]
     for weights in draws.astype(np.float64):
         each = np.repeat(weights, np.diff(problem.normal.bounds))
-        rows = each[:, None] * problem.normal.rows
-        matrix = rows.T @ problem.normal.rows + np.diag(problem.normal.precision)
+        unweighted = problem.normal.rows()
+        rows = each[:, None] * unweighted
+        matrix = rows.T @ unweighted + np.diag(problem.normal.precision)
         vector = problem.normal.response @ rows
         drawn = replace(problem, reduced=(matrix / problem.scale, vector / problem.scale))
         for wins, others in zip(won, sets, strict=True):
@@ -47,8 +54,9 @@ def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
     first = rank(problem)[0].candidate
     winners, sets = [], [[], [first]]
     for others, expected in zip(sets, one_by_one(problem, sets, 3), strict=True):
-        ids = {c.id for c in problem.candidates} - {other.id for other in others}
-        found = selection_shares(problem, others, ids, 3, DRAWS)
+        present = {other.id for other in others}
+        shapes = [c for c in problem.candidates if c.id not in present]
+        found = selection_shares(problem, others, shapes, 3, DRAWS)
         assert found == pytest.approx(expected, rel=1e-9)
         winners.append(len(expected))
     assert winners[0] > 2
@@ -58,29 +66,28 @@ def test_a_base_that_is_projected_out_leaves_no_fixed_columns(
     problem: Problem, capfd: pytest.CaptureFixture[str]
 ) -> None:
     bare = replace(problem, n_base=0)
-    ids = {item.candidate.id for item in rank(bare)[:4]}
-    assert 0.0 < sum(selection_shares(bare, [], ids, 3, DRAWS).values()) <= 1.0
+    shapes = shapes_of_best(bare, 4)
+    assert 0.0 < sum(selection_shares(bare, [], shapes, 3, DRAWS).values()) <= 1.0
     assert capfd.readouterr().err == ""  # LAPACK complains of empty matrices there
 
 
 def test_a_share_is_the_same_to_a_few_hundredths_whatever_the_seed(problem: Problem) -> None:
-    ids = {item.candidate.id for item in rank(problem)[:8]}
-    found = [selection_shares(problem, [], ids, seed) for seed in range(3)]
+    shapes = shapes_of_best(problem, 8)
+    found = [selection_shares(problem, [], shapes, seed) for seed in range(3)]
     assert 0.1 < found[0]["payload"] < 0.95
     for other in found[1:]:
         assert other["payload"] == pytest.approx(found[0]["payload"], abs=0.06)
 
 
 def test_no_more_draws_are_made_than_a_clear_share_needs(problem: Problem) -> None:
-    ids = [item.candidate.id for item in rank(problem)]
-    clear, in_doubt = ids[:1], ids[:8]
-    (share,) = selection_shares(problem, [], clear, 3).values()
+    clear, in_doubt = shapes_of_best(problem, 1), shapes_of_best(problem, 8)
+    ((id, share),) = selection_shares(problem, [], clear, 3).items()
     assert share >= 0.99
-    assert selection_shares(problem, [], clear, 3, 400) == {clear[0]: share}
-    assert selection_shares(problem, [], clear, 3, 375) != {clear[0]: share}
+    assert selection_shares(problem, [], clear, 3, 400) == {id: share}
+    assert selection_shares(problem, [], clear, 3, 375) != {id: share}
     all_draws = selection_shares(problem, [], in_doubt, 3)
     assert all_draws != selection_shares(problem, [], in_doubt, 3, 400)
 
 
 def test_without_contenders_nobody_wins(problem: Problem) -> None:
-    assert selection_shares(problem, [], set(), 0) == {}
+    assert selection_shares(problem, [], [], 0) == {}

@@ -1,6 +1,6 @@
 """Stage accept: classes of effects that cannot be told apart, and the checks that each must pass.
 
-A share near 0.8 is known to 0.05 from 60 draws and to 0.01 from 2000. Where one effect wins nearly
+A share near 0.8 is known to 0.05 from 60 draws and to 0.013 from 1000. Where one effect wins nearly
 all of the first 400, no threshold is near and they suffice. A draw needs only the normal equations
 of base and chosen effects with every column, and those of each candidate by itself, so that many
 draws are solved at once.
@@ -8,13 +8,14 @@ draws are solved at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from itertools import combinations, islice, pairwise
+from itertools import combinations, compress, islice, pairwise
 from typing import Any
 
 import numpy as np
+from scipy.linalg.blas import dtrmm
 from scipy.linalg.lapack import dtrtri
 
 from ecm.diagnosis.problem import Candidate, Problem
@@ -24,6 +25,7 @@ from ecm.diagnosis.search import (
     delta_bic,
     delta_bic_of_each,
     delta_chi2,
+    delta_chi2_of_each,
     estimate,
     held_out_t,
     own_sign,
@@ -67,8 +69,9 @@ _SOME_BOOTSTRAPS = 0.02
 RIVAL_BOOTSTRAPS = 0.1
 """A rival that wins more than this share of them is a member."""
 _CONTENDER_SHARE = 0.3
-"""An effect that explains less than this share of the chosen one wins no bootstrap."""
-_DRAWS, _FIRST_DRAWS, _AT_ONCE = 2000, 400, 25
+"""A shape that explains less than this share of the chosen one wins no bootstrap."""
+_RIDGED = 1.0 + RIDGE
+_DRAWS, _FIRST_DRAWS, _AT_ONCE = 1000, 400, 25
 _CLEAR = 0.99
 """Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
 the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
@@ -237,8 +240,11 @@ class _Chosen:
 
     def winners(self, seed: int) -> dict[str, float]:
         """Return the share of bootstraps that each effect wins in its place."""
+        present = {other.id for other in self.others}
+        shapes = [c for c in self.problem.candidates if c.id not in present]
+        drops = delta_chi2_of_each(self.problem, self.others, shapes)
         least = _CONTENDER_SHARE * self.ranked[self.item.id].drop
-        contenders = {id for id, one in self.ranked.items() if one.drop > least}
+        contenders = list(compress(shapes, drops > least))
         return selection_shares(self.problem, self.others, contenders, seed)
 
     def in_class(
@@ -350,27 +356,23 @@ def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
 def selection_shares(
     problem: Problem,
     others: Sequence[Candidate],
-    contenders: Collection[str],
+    contenders: Sequence[Candidate],
     seed: int,
     draws: int = _DRAWS,
 ) -> dict[str, float]:
-    """Return the share of draws in which each contender lowers BIC most beside base and `others`.
+    """Return the share of draws in which each effect lowers BIC most beside base and `others`.
 
     Parameters
     ----------
     contenders
-        Ids that may win.
+        Shapes that may win.
     draws
-        Most draws. After 400 no more are made where one contender has won 99 % of them.
+        Most draws. After 400 no more are made where one effect has won 99 % of them.
     """
-    tried = [c for c in problem.candidates if c.id in contenders]
-    if not tried:
+    if not contenders:
         return {}
-    sizes = sorted({c.parameters for c in tried})
-    blocks = [[c for c in tried if c.parameters == size] for size in sizes]
-    falls_of = _falls_of_draws(problem, problem.columns_of(others), blocks)
-    ids = [c.id for same in blocks for c in same]
-    won = dict.fromkeys(ids, 0)
+    falls_of = _falls_of_draws(problem, problem.columns_of(others), contenders)
+    won = {c.id: 0 for c in contenders}
     drawn = _drawn(len(problem.normal.squares), draws, seed)
     made = 0
     for part in (islice(drawn, _FIRST_DRAWS // _AT_ONCE), drawn):
@@ -378,7 +380,7 @@ def selection_shares(
             made += len(falls)
             best = falls.argmax(axis=1)
             for i in best[falls.max(axis=1) > 0.0].tolist():
-                won[ids[i]] += 1
+                won[contenders[i].id] += 1
         if max(won.values()) >= _CLEAR * made:
             break
     return {id: count / made for id, count in won.items() if count}
@@ -394,7 +396,7 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
 
 
 def _falls_of_draws(
-    problem: Problem, fixed: Sequence[int], blocks: Sequence[Sequence[Candidate]]
+    problem: Problem, fixed: Sequence[int], candidates: Sequence[Candidate]
 ) -> Callable[[F], F]:
     """Return what gives (d, c) the falls of BIC by each candidate in draws (d, g).
 
@@ -402,11 +404,12 @@ def _falls_of_draws(
     ----------
     fixed
         Columns beside which the candidates are added.
-    blocks
-        Candidates of the same number of parameters.
     """
     normal, f = problem.normal, len(fixed)
-    known = np.column_stack([normal.rows[:, list(fixed)], normal.response])
+    known, response = normal.rows(fixed), normal.response[:, None]
+    own = normal.rows([column for c in candidates for column in c.columns])
+    sizes = np.array([c.parameters for c in candidates], dtype=np.int64)
+    starts = np.cumsum(sizes) - sizes
     parts = [slice(a, b) for a, b in pairwise(normal.bounds.tolist())]
 
     def by_group(left: F, right: F) -> F:
@@ -414,40 +417,40 @@ def _falls_of_draws(
         sums = [np.swapaxes(left[..., s, :], -1, -2) @ right[..., s, :] for s in parts]
         return np.stack([one.ravel() for one in sums])
 
-    squares = by_group(known[:, :-1], known)
-    sums = []
-    for same in blocks:
-        columns = normal.rows[:, [column for c in same for column in c.columns]]
-        each = np.swapaxes(columns.reshape(len(columns), len(same), -1), 0, 1)
-        signs = problem.signs[[c.columns for c in same]]
-        sums.append((by_group(columns, known), by_group(each, each), signs))
+    squares, along = by_group(known, known), by_group(own, response)
+    # The response is a last column, of which the base takes its part as well.
+    cross = by_group(np.column_stack([own, response]), known)
+    precision = normal.precision[list(fixed)]
+    blocks = []
+    for size in np.unique(sizes).tolist():
+        which = np.flatnonzero(sizes == size).tolist()
+        at = starts[which][:, None] + np.arange(size)
+        each = np.moveaxis(own[:, at], 1, 0)
+        signs = problem.signs[[candidates[i].columns for i in which]]
+        blocks.append((which, at, by_group(each, each), signs))
 
     def falls_of(weights: F) -> F:
         d = len(weights)
-        equations = (weights @ squares).reshape(d, f, f + 1)
-        equations[:, range(f), range(f)] += normal.precision[list(fixed)]
-        size = np.sqrt(np.maximum(np.einsum("dii->di", equations[:, :, :f]), 1e-300))
-        inner = equations[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
-        # Columns and response in coordinates in which the fixed columns are orthonormal: what they
-        # explain is a product, which takes a third of the time of solving for every column.
-        basis = inner
-        if f:  # the transpose is the same memory as LAPACK reads it
-            basis = np.stack([dtrtri(one.T)[0].T for one in np.linalg.cholesky(inner)])
-        basis = basis / size[:, None, :]
-        response = basis @ equations[:, :, f:]
-        falls = []
-        for cross, own, signs in sums:
+        beside = (weights @ cross).reshape(d, own.shape[1] + 1, f)
+        if f:
+            matrix = (weights @ squares).reshape(d, f, f)
+            matrix[:, range(f), range(f)] += precision
+            matrix[:, range(f), range(f)] = np.maximum(matrix.diagonal(0, 1, 2), 1e-300) * _RIDGED
+            for root, columns in zip(np.linalg.cholesky(matrix), beside, strict=True):
+                # In place: the transpose is the same memory as LAPACK reads it. The inverse takes
+                # less time than a solution for so few rows.
+                dtrmm(1.0, dtrtri(root.T)[0], columns.T, trans_a=1, overwrite_b=1)
+        slopes = weights @ along - (beside[:, :-1] @ beside[:, -1, :, None])[:, :, 0]
+        falls = np.empty((d, len(candidates)))
+        for which, at, of_group, signs in blocks:
             b, k = signs.shape
-            each = (weights @ cross).reshape(d, b * k, f + 1)
-            seen = each[:, :, :f] @ basis.transpose(0, 2, 1)
-            slope = (each[:, :, f] - (seen @ response)[:, :, 0]).reshape(d, b, k)
-            matrix = (weights @ own).reshape(d, b, k, k)
-            ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", matrix), 1e-200)
-            rows = seen.reshape(d, b, k, f)
-            matrix = matrix - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
-            gain = explained_with_signs(matrix, slope, signs)
-            falls.append(gain / problem.scale - k * np.log(problem.size))
-        return np.concatenate(falls, axis=1)
+            products = (weights @ of_group).reshape(d, b, k, k)
+            ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", products), 1e-200)
+            rows = beside[:, at]
+            left = products - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
+            gain = explained_with_signs(left, slopes[:, at], signs)
+            falls[:, which] = gain / problem.scale - k * np.log(problem.size)
+        return falls
 
     return falls_of
 

@@ -84,6 +84,8 @@ class ScoreColumns:
     """(N, m, k) whitened derivative of the correction at zero."""
     imitates: bool = False
     """It cannot be tested with these data, but its columns may look like another effect."""
+    lengths: F | float = 1.0
+    """(k,) what the columns were divided by."""
 
     @property
     def id(self) -> str:
@@ -609,7 +611,7 @@ class Problem:
     @cached_property
     def signs(self) -> F:
         """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
-        signs = np.zeros(self.normal.rows.shape[1])
+        signs = np.zeros(len(self.norms))
         for item in self.offered:
             for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
                 signs[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
@@ -659,35 +661,15 @@ def assemble(
     base_block = whitener @ base_columns(rows, base)
     response = np.einsum("nij,nj->ni", whitener, here.residual)
     every, untestable = all_score_columns(rows, whitener, effects)
-    plain = Projection.of(base_block, np.ones(len(response)))
-    y = plain.rest(response[:, :, None]).ravel()
-    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
-    by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
-    weights = robust_weights(response, base_block, [one.columns for _, one in by_gain])
+    weights = _weights(response, base_block, every)
     projection = Projection.of(base_block, np.sqrt(weights))
     every += _refined_shapes(rows, whitener, response, every, projection)
     if around is not None:
         y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
         every = in_threads(partial(_half_way, rows, whitener, projection, y), every)
     kept, absorbed = _not_absorbed(every, projection, base)
-    projected = base_block[:, :, :0]
-    if base_block.shape[2] > settings.most_base_columns:
-        # Too many columns to carry along: project them out once, for all refits.
-        response = projection.rest(response[:, :, None])[:, :, 0]
-        kept = [replace(one, columns=projection.orthogonalised(one.columns)) for one in kept]
-        projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
-        base_block = base_block[:, :, :0]
-    free = base_block.shape[2]
-    left_out: LeftOut | None = None
-    if free:
-        errs, terms = (whitener @ part(rows, base) for part in (error_columns, further_columns))
-        left_out = LeftOut.of(projection, base_block, terms)
-        own = (base_block, errs, left_out.columns(base_block, terms))
-        base_block = np.concatenate(own, axis=2)
-    norms = _lengths(base_block)
-    precision = np.zeros(len(norms))
-    precision[free:] = 1.0 / norms[free:] ** 2
-    groups, design = row_groups(table), base_block / norms
+    del every  # the columns are a large part of the memory
+    none, groups = base_block[:, :, :0], row_groups(table)
     bare = Problem(
         table=table,
         base=base,
@@ -699,26 +681,106 @@ def assemble(
         scored=table.of_poses,
         whitener=whitener,
         response=response,
-        design=design,
-        norms=norms,
-        n_base=len(norms),
-        projected_base=projected,
+        design=none,
+        norms=np.zeros(0),
+        n_base=0,
+        projected_base=none,
         candidates=(),
         imitators=(),
         untestable=untestable | absorbed,
-        normal=NormalEquations.of(design, response, groups, weights, precision),
+        normal=NormalEquations.of(none, response, groups, weights),
         scale=1.0,
         scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,
-        left_out=left_out,
     )
-    imitates = np.array([one.imitates for one in kept], dtype=np.bool_)
-    problem, placed = with_shapes(bare, kept)
-    # The columns are in the design: a second copy is a large part of the memory.
-    del every, first, kept, bare
+    return _filled(bare, base_block, kept, projection)
+
+
+def _weights(response: F, base_block: F, every: Sequence[ScoreColumns]) -> F:
+    """Return (N,) robust weights beside the base and the shapes that explain most."""
+    plain = Projection.of(base_block, np.ones(len(response)))
+    y = plain.rest(response[:, :, None]).ravel()
+    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
+    by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
+    return robust_weights(response, base_block, [one.columns for _, one in by_gain])
+
+
+def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Projection) -> Problem:
+    """Return the problem with a base's columns (N, m, b) and these shapes; `shapes` is emptied."""
+    response, projected = bare.response, block[:, :, :0]
+    if block.shape[2] > bare.settings.most_base_columns:
+        # Too many columns to carry along: project them out once, for all refits.
+        response = projection.rest(response[:, :, None])[:, :, 0]
+        for i, one in enumerate(shapes):
+            shapes[i] = replace(one, columns=projection.orthogonalised(one.columns))
+        projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
+        block = block[:, :, :0]
+    free = block.shape[2]
+    left_out: LeftOut | None = None
+    if free:
+        rows, base = bare.rows, bare.base
+        errs, terms = (
+            bare.whitener @ part(rows, base) for part in (error_columns, further_columns)
+        )
+        left_out = LeftOut.of(projection, block, terms)
+        block = np.concatenate((block, errs, left_out.columns(block, terms)), axis=2)
+    norms = _lengths(block)
+    precision = np.zeros(len(norms))
+    precision[free:] = 1.0 / norms[free:] ** 2
+    design = block / norms
+    del block
+    problem, placed = with_shapes(
+        replace(
+            bare,
+            response=response,
+            design=design,
+            norms=norms,
+            n_base=len(norms),
+            projected_base=projected,
+            normal=NormalEquations.of(design, response, bare.groups, bare.weights, precision),
+            left_out=left_out,
+        ),
+        shapes,
+    )
+    imitates = np.array([one.imitates for one in shapes], dtype=np.bool_)
+    shapes.clear()  # the columns are in the design: a second copy is a large part of the memory
     testable, others = (tuple(compress(placed, which)) for which in (~imitates, imitates))
     return _scaled(replace(problem, candidates=testable, imitators=others))
+
+
+def with_forms(
+    problem: Problem, forms: Sequence[Effect], columns: Callable[[Effect], F]
+) -> Problem:
+    """Return the problem with other forms of some effects; the rows are weighed anew beside them.
+
+    Parameters
+    ----------
+    forms
+        All forms to offer of each of these effects.
+    columns
+        (N, m, k) whitened `score_columns` of a form.
+    """
+    ids = {form.id for form in forms}
+    imitators = {id(item) for item in problem.imitators}
+    shapes = [
+        ScoreColumns(
+            item.effect,
+            problem.design[:, :, item.columns[0] : item.columns[-1] + 1],
+            id(item) in imitators,
+            problem.norms[list(item.columns)],
+        )
+        for item in problem.offered
+        if item.id not in ids
+    ]
+    shapes += [ScoreColumns(form, columns(form)) for form in forms]
+    block = problem.coefficient_block
+    if problem.n_base:
+        block = block * problem.norms[: block.shape[2]]
+    weights = _weights(problem.response, block, shapes)
+    projection = Projection.of(block, np.sqrt(weights))
+    bare = replace(problem, weights=weights, scale=1.0, scale_freedom=0)
+    return _filled(bare, block, shapes, projection)
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
@@ -751,19 +813,18 @@ def with_shapes(
     design = np.concatenate([problem.design, *(one.columns for one in shapes)], axis=2)
     norms = _lengths(design[:, :, at:])
     design[:, :, at:] /= norms
-    ends = at + np.cumsum([one.columns.shape[2] for one in shapes], dtype=np.int64)
-    precision = np.pad(problem.normal.precision, (0, len(norms)))
+    sizes = [one.columns.shape[2] for one in shapes]
+    ends = at + np.cumsum(sizes, dtype=np.int64)
+    known = [np.broadcast_to(one.lengths, size) for one, size in zip(shapes, sizes, strict=True)]
     wider = replace(
         problem,
         design=design,
-        norms=np.concatenate([problem.norms, norms]),
-        normal=NormalEquations.of(
-            design, problem.response, problem.groups, problem.weights, precision
-        ),
+        norms=np.concatenate([problem.norms, norms * np.concatenate([np.zeros(0), *known])]),
+        normal=problem.normal.with_columns(design, len(norms)),
     )
     return wider, [
-        Candidate(one.effect, tuple(range(end - one.columns.shape[2], end)))
-        for one, end in zip(shapes, ends.tolist(), strict=True)
+        Candidate(one.effect, tuple(range(end - size, end)))
+        for one, size, end in zip(shapes, sizes, ends.tolist(), strict=True)
     ]
 
 
@@ -838,8 +899,12 @@ def noise_by_rest(problem: Problem) -> Noise:
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
     """Return the problem with the columns of more effects appended, and their candidates."""
     rows, whitener = problem.rows, problem.whitener
-    shapes = [ScoreColumns(effect, score_columns(rows, whitener, effect)) for effect in effects]
-    return with_shapes(problem, shapes)
+    columns = [score_columns(rows, whitener, effect) for effect in effects]
+    if not problem.n_base:
+        basis = problem.flat(problem.projected_base)
+        projection = Projection(basis, np.sqrt(problem.weights))
+        columns = [projection.orthogonalised(one) for one in columns]
+    return with_shapes(problem, list(map(ScoreColumns, effects, columns)))
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

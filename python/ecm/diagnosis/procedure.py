@@ -521,12 +521,9 @@ def decide(
         problem, ranking, chosen = replace(nearer, held=problem.held), order, again
         if same:
             break
-    richer, tried = richer_forms(problem, chosen)
-    if richer:
-        # What the plain form of a known cause leaves is neither noise nor a second cause.
-        offered = [richer.get(effect.id, effect) for effect in effects]
-        finer = assemble(problem.base, problem.table, offered, problem.noise, settings)
-        problem = replace(finer, held=problem.held)
+    finer, tried = richer_forms(problem, chosen)
+    if finer is not problem:
+        problem = finer
         first, ranking = stages.gate(problem), stages.rank(problem)
         chosen = stages.search(problem, ranking)
     for _ in range(settings.most_effects):

@@ -5,18 +5,26 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy
 from scipy import special
 from scipy.optimize import lsq_linear
 
-from ecm.diagnosis.problem import Candidate, Problem, Projection, score_columns, with_more
+from ecm.diagnosis.problem import (
+    Candidate,
+    Problem,
+    Projection,
+    score_columns,
+    with_forms,
+    with_more,
+)
 from ecm.diagnosis.settings import FORM_SHARE
 from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I
-from ecm.models.shapes import best_of, holds_out
+from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
+from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import folds, held_out_by
 from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
 
@@ -359,11 +367,11 @@ def held_out_t(problem: Problem, others: Sequence[Candidate], item: Candidate) -
     """
     fixed, own = list(problem.columns_of(others)), list(item.columns)
     matrix, vector = problem.equations
-    inner, rows = matrix[np.ix_(fixed, fixed)], problem.normal.rows
+    inner, normal = matrix[np.ix_(fixed, fixed)], problem.normal
     columns = (*matrix[np.ix_(own, fixed)], vector[fixed])
     shares = np.stack([solve(inner, one) for one in columns], axis=1)
-    left = np.column_stack([rows[:, own], problem.normal.response]) - rows[:, fixed] @ shares
-    beside = problem.normal.beside(left[:, :-1], left[:, -1])
+    left = np.column_stack([normal.rows(own), normal.response]) - normal.rows(fixed) @ shares
+    beside = normal.beside(left[:, :-1], left[:, -1])
     scored = _scored_groups(problem)
     fold = _fold_of_group(problem, item.effect.kind)
     falls = (beside.squares - beside.held_out(range(len(own)), fold, scored))[scored > 0.0]
@@ -380,7 +388,7 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
         "pose": blocks of time are held out; "time": clusters of poses.
     """
     columns, fold = problem.columns_of(chosen), _fold_of_group(problem, kind)
-    projected = problem.normal_of_projected.rows
+    projected = problem.normal_of_projected.rows()
     return problem.normal.held_out(columns, fold, _scored_groups(problem), projected=projected)
 
 
@@ -448,29 +456,43 @@ class Refinement:
 
 def richer_forms(
     problem: Problem, chosen: Sequence[Candidate]
-) -> tuple[dict[str, Effect], tuple[Refinement, ...]]:
-    """Return the richer forms of chosen effects that held-out rows ask for, and all that was tried.
+) -> tuple[Problem, tuple[Refinement, ...]]:
+    """Return the problem with the richer forms that held-out rows ask for, and all that was tried.
 
-    The forms are by the id of their effect.
+    It is the same problem where they ask for none. What the plain form of a known cause leaves is
+    neither noise nor a second cause: rows are weighed, and the noise is judged, beside the richer.
     """
-    found = [one for item in chosen if (one := _richer_form(problem, chosen, item)) is not None]
-    return {one.id: effect for effect, one in found if one.kept}, tuple(one for _, one in found)
+    whitened = ColumnsOfParts(partial(score_columns, problem.rows, problem.whitener))
+    found = [
+        one for item in chosen if (one := _richer_form(problem, chosen, item, whitened)) is not None
+    ]
+    tried = tuple(one for _, one in found)
+    if not any(one.kept for one in tried):
+        return problem, tried
+    forms = [form for offered, one in found if one.kept for form in offered]
+    return with_forms(problem, forms, whitened), tried
 
 
 def _richer_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate
-) -> tuple[Effect, Refinement] | None:
-    """Return the richer form that explains most in place of a chosen effect, and its errors."""
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate, whitened: ColumnsOfParts
+) -> tuple[list[Effect], Refinement] | None:
+    """Return richer forms, the one that explains most at the end, and its errors held out.
+
+    In place of the chosen effect, beside the others; None where it has no richer forms.
+    """
     rows, others = problem.rows, without(chosen, item)
     forms = item.effect.refinement(rows.whole.table)
     if not forms:
         return None
     known = problem.design[:, :, list(problem.columns_of(others))]
+    if not problem.n_base:
+        known = np.concatenate([problem.projected_base, known], axis=2)
     projection = Projection.of(known, np.sqrt(problem.weights))
     y = projection.flat(projection.rest(problem.response[:, :, None]))[:, 0]
+    left = ColumnsOfParts(lambda part: projection.flat(projection.rest(whitened(part))))
 
     def gain(form: Effect) -> float:
-        return projection.explained_by_each([score_columns(rows, problem.whitener, form)], y)[0]
+        return explained_by_span(left(form), y)[0]
 
     # A time constant that is not quite right is no reason for a second one: both are refined.
     finest, best = (
@@ -482,4 +504,4 @@ def _richer_form(
     more = delta_bic(wider, sets[1]) - delta_bic(wider, sets[0])
     errors = (tuple(of_plain.tolist()), tuple(of_richer.tolist()))
     kept = more > problem.settings.least_bic and holds_out(of_plain**2, of_richer**2)
-    return best, Refinement(item.id, best.shape, *errors, kept)
+    return [*forms, best], Refinement(item.id, best.shape, *errors, kept)

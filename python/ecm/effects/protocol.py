@@ -268,6 +268,10 @@ class Effect:
         numbers = beside(own, factor) if own else ()
         return tuple(replace(shape, **{name: number}) for number in numbers if number < most)
 
+    def parts(self) -> tuple[Effect, ...]:
+        """Effects whose columns beside each other are those of this one; default: itself."""
+        return (self,)
+
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """Richer forms to try on held-out rows once the effect is found; here none."""
         return ()

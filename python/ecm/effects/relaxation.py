@@ -248,6 +248,12 @@ class StressRelaxation(LinearEffect):
         pairs = itertools.product(*((tau, *beside(tau, step)) for tau in self._constants))
         return tuple(self._with_pair(*pair) for pair in pairs if pair != self._constants)
 
+    def parts(self) -> tuple[Effect, ...]:
+        """Its branches, each as an effect of one."""
+        if self.branches == 1:
+            return (self,)
+        return tuple(replace(self, tau_s=tau, second_tau_s=0.0) for tau in self._constants)
+
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with two branches; none where it has two already."""
         if not self.overstress or self.branches == 2:

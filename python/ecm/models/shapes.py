@@ -80,6 +80,41 @@ def best_of(
     return refined(value, shapes[first], values[first], table)
 
 
+class ColumnsOfParts:
+    """Columns (..., k) of effects from those of their parts, each of which is asked for once.
+
+    Parameters
+    ----------
+    of
+        Columns of an effect that is one part.
+
+    Examples
+    --------
+    >>> from ecm.effects import with_shape
+    >>> asked = []
+    >>> columns = ColumnsOfParts(lambda part: asked.append(part) or np.ones((4, 1)))
+    >>> for slow in (9.0, 12.0):
+    ...     shape = {"tau_s": 1.0, "second_tau_s": slow, "overstress": "elastic"}
+    ...     found = columns(with_shape("stress_relaxation", shape))
+    >>> found.shape, [part.shape["tau_s"] for part in asked]
+    ((4, 2), [1.0, 9.0, 12.0])
+    """
+
+    def __init__(self, of: Callable[[Effect], F]) -> None:
+        self._of = of
+        self._known: dict[Any, F] = {}
+
+    def __call__(self, effect: Effect) -> F:
+        """Return the columns of the parts beside each other."""
+        return np.concatenate([self._of_part(part) for part in effect.parts()], axis=-1)
+
+    def _of_part(self, part: Effect) -> F:
+        key = (part.id, *part.shape.items())
+        if key not in self._known:
+            self._known[key] = self._of(part)
+        return self._known[key]
+
+
 @dataclass(frozen=True)
 class _Place:
     """What the base and the other effects of a model leave for the shapes of one effect."""
@@ -113,12 +148,21 @@ class _Place:
         whitened = fit.whitened.ravel()
         return np.asarray(whitened - fixed @ (fixed.T @ whitened))
 
+    @cached_property
+    def columns(self) -> ColumnsOfParts:
+        """(M, k) whitened columns of a shape that base and other effects leave."""
+        fit, whitener, fixed = self.without
+
+        def of(part: Effect) -> F:
+            jacobian = jacobian_of(part, fit.rows, np.zeros(len(part.parameters)))
+            columns = (whitener @ jacobian).reshape(self.left.size, -1)
+            return np.asarray(columns - fixed @ (fixed.T @ columns))
+
+        return ColumnsOfParts(of)
+
     def value(self, shape: Effect) -> float:
         """Squares that a shape explains, less ln(n) for each parameter."""
-        fit, whitener, fixed = self.without
-        jacobian = jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
-        columns = (whitener @ jacobian).reshape(self.left.size, -1)
-        left = columns - fixed @ (fixed.T @ columns)
+        left = self.columns(shape)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ self.left)):
             return -np.inf
         own = orthonormal(left)

@@ -24,6 +24,8 @@ from ecm.io.extras import own_cores
 from ecm.io.table import Table
 
 RIDGE = 1e-10
+_WEIGHED = 512
+"""Rows that are weighed at once: a copy of all of them would be a large part of the memory."""
 _WORK_PER_COLUMN = 64
 """Workspace of LAPACK for blocks of its largest usual size."""
 _LEAST_SEEN = 1e-9
@@ -34,15 +36,20 @@ _LEAST_SEEN = 1e-9
 class NormalEquations:
     """Normal equations of groups of rows, formed when they are first used.
 
-    With hundreds of columns the matrices of all groups are far larger than the rows.
+    With hundreds of columns the matrices of all groups are far larger than the rows, and the rows
+    are most of what there is: they are weighed a part at a time, not copied.
     """
 
-    rows: F
-    """(r, k) weighted rows, group after group."""
+    design: F
+    """(N, m, k) rows as they were given; do not change them."""
+    order: I
+    """(N,) places of the rows, group after group."""
+    root: F
+    """(N,) square root of the weight of each row."""
     response: F
-    """(r,)."""
+    """(N m,) weighted, group after group."""
     bounds: I
-    """(g + 1,) where each group begins."""
+    """(g + 1,) where each group begins in the response."""
     squares: F
     """(g,)."""
     precision: F
@@ -60,37 +67,87 @@ class NormalEquations:
         root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
         count = int(groups.max()) + 1
         order = np.argsort(groups, kind="stable")
-        rows = design[order]
-        rows *= root[order, None, None]
         y = response * root[:, None]
         bounds = np.searchsorted(groups[order], np.arange(count + 1)) * m
         squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
         return NormalEquations(
-            rows.reshape(n * m, k),
+            design,
+            order,
+            root,
             y[order].ravel(),
             bounds.astype(np.int64),
             squares,
             np.zeros(k) if precision is None else precision,
         )
 
+    def rows(self, columns: Sequence[int] | slice = slice(None)) -> F:
+        """(N m, k) weighted rows of some columns, group after group."""
+        take = columns if isinstance(columns, slice) else list(columns)
+        return self._weighed(self.design[:, :, take], slice(None))
+
+    def _weighed(self, columns: F, part: slice) -> F:
+        """(r, k) weighted rows of columns (N, m, k), of a part of the groups' order."""
+        places = self.order[part]
+        rows = columns[places]
+        rows *= self.root[places, None, None]
+        return rows.reshape(len(places) * columns.shape[1], columns.shape[2])
+
     @cached_property
     def total(self) -> tuple[F, F, float]:
         """G, c, s of all groups together."""
-        matrix = self.rows.T @ self.rows
+        matrix, vector = self._products(None)
         matrix[np.diag_indices_from(matrix)] += self.precision
-        return matrix, self.response @ self.rows, float(self.squares.sum())
+        return matrix, vector, float(self.squares.sum())
+
+    def _products(self, others: F | None) -> tuple[F, F]:
+        """(k, q) and (q,) products of the columns, and of the response, with others (N, m, q).
+
+        Default: with the columns themselves.
+        """
+        m = self.design.shape[1]
+
+        def of_part(part: slice) -> tuple[F, F]:
+            rows = self._weighed(self.design, part)
+            right = rows if others is None else self._weighed(others, part)
+            return rows.T @ right, self.response[m * part.start : m * part.stop] @ right
+
+        parts = [slice(a, a + _WEIGHED) for a in range(0, max(len(self.order), 1), _WEIGHED)]
+        matrix, vector = of_part(parts[0])
+        for of_rows, of_response in _in_threads(of_part, parts[1:]):
+            matrix += of_rows
+            vector += of_response
+        return matrix, vector
+
+    def with_columns(self, design: F, more: int) -> NormalEquations:
+        """The equations of a design that ends with so many columns more, of which nothing is known.
+
+        What is known of all groups together is not formed again.
+        """
+        precision = np.pad(self.precision, (0, more))
+        wider = replace(self, design=design, precision=precision)
+        if "total" in vars(self) and more:
+            matrix, vector, squares = self.total
+            beside, own = wider._products(design[:, :, -more:])
+            left = np.concatenate([matrix, beside[:-more].T])
+            total = np.concatenate([left, beside], axis=1), np.concatenate([vector, own]), squares
+            vars(wider).update(total=total)
+        return wider
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
         """The equations of some of the columns, in their order."""
         take = np.asarray(columns, dtype=np.int64)
-        return replace(self, rows=self.rows[:, take], precision=self.precision[take])
+        return replace(self, design=self.design[:, :, take], precision=self.precision[take])
 
     def beside(self, rows: F, response: F) -> NormalEquations:
         """The equations of the same groups for other columns (r, k) and another response (r,)."""
         sizes = np.diff(self.bounds)
         group = np.repeat(np.arange(len(sizes)), sizes)
         squares = np.asarray(np.bincount(group, response**2, len(sizes)), dtype=np.float64)
-        return NormalEquations(rows, response, self.bounds, squares, np.zeros(rows.shape[1]))
+        every, weights = np.arange(len(response)), np.ones(len(response))
+        precision = np.zeros(rows.shape[1])
+        return NormalEquations(
+            rows[:, None, :], every, weights, response, self.bounds, squares, precision
+        )
 
     def held_out(
         self,
@@ -118,9 +175,10 @@ class NormalEquations:
         result = np.zeros(len(self.squares))
         group = np.repeat(np.arange(len(self.squares)), np.diff(self.bounds))
         # By the rows of each fold: a matrix of each group would hold k times as much as all rows.
+        every = own.rows()
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
-            rows, response = own.rows[inside], self.response[inside]
+            rows, response = every[inside], self.response[inside]
             others, read = rows, response
             if projected is not None and projected.shape[1]:
                 both = _without_them(projected[inside], np.column_stack([rows, response]))
