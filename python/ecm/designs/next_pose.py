@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from ecm.designs.optimal import optimal_design
 from ecm.designs.regressors import DesignSettings, NominalModel
@@ -182,7 +182,7 @@ class NextPose:
         size = _rms(nominal.whiteners(region) @ columns)[free:]
         squares, freedom = _squares(richest, rows), max(1, 6 * len(rows) - self._terms[-1])
         # The noise may be smaller than it is declared or assumed, as far as the residual proves it.
-        smaller = min(1.0, squares / float(stats.chi2.ppf(1.0 - _CHANCE, freedom)))
+        smaller = min(1.0, squares / float(special.chdtri(freedom, _CHANCE)))
         covariance = smaller * np.asarray(richest.covariance)
         information, known = np.linalg.inv(covariance), richest.base.coefficients
         into = self._into_unit(model) / np.sqrt(len(region))
@@ -205,7 +205,7 @@ class NextPose:
         each = np.repeat(special.softmax(weights) / _DRAWS, _DRAWS)
         drawn = random.choice(errors.ravel(), len(_SIZES) * _DRAWS, p=each)
         # A residual beyond the noise is a form that no degree holds; its excess adds to the error.
-        significant = not noise.is_assumed and squares > stats.chi2.ppf(_CHANCE, freedom)
+        significant = not noise.is_assumed and squares > special.chdtri(freedom, 1.0 - _CHANCE)
         reading = np.trace(into @ noise.covariance(nominal.rows(region)).sum(axis=0) @ into.T)
         form = float(significant * (squares / freedom - 1.0) * reading)
         squares_at = [drawn.mean(), *np.quantile(drawn, [1.0 - _COVERED, _COVERED])]
