@@ -104,8 +104,7 @@ def page() -> str:
     plain = {id(effect) for effect in all_effects()}
     for effect in effects_for((POSE[5], WRENCH[5])):
         if id(effect) not in plain:
-            needs = effect.needs or "20 rows"
-            lines.append(f"| `{effect.id}` | {effect.physics} | {needs} |\n")
+            lines.append(f"| `{effect.id}` | {effect.physics} | {effect.needs} |\n")
     lines.append(_OWN)
     lines.append("\n## Templates\n")
     for dof in DEGREES_OF_FREEDOM:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ecm
+from ecm.comparison.residuals import covariates
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
 from ecm.effects.relaxation import StressRelaxation, play
@@ -609,6 +610,20 @@ def test_a_stage_that_softens_smoothly_is_a_higher_degree_of_a_cubic(seed: int) 
     # The errors of a large base are of held-out rows as well: of 450 numbers it has 168.
     richer = ecm.diagnose(ecm.fit(table, "poly:5"), table)
     assert richer.model.base_errors.over_noise > 1.2
+
+
+@pytest.mark.parametrize("rows", [13, 17])
+def test_one_pull_of_rubber_is_a_higher_degree_and_follows_no_row(rows: int) -> None:
+    """Of so few rows it was unknown, and followed the row, which is here another name of x."""
+    x = np.linspace(0.0, 0.27, rows)
+    force = 1.3 * np.tanh(6.0 * x) + 40.0 * np.maximum(x - 0.1, 0.0) ** 4 / (0.35 - x)
+    noise = 5e-4 * np.random.default_rng(rows).standard_normal(rows)
+    table = ecm.as_table({"x_m": x, "fx_N": force + noise})
+    cubic = ecm.fit(table, "cubic")
+    assert ecm.diagnose(cubic, table).answer[0][0] == "higher_degree"
+    assert "row" not in covariates(Rows(table, cubic.base))
+    mixed = table.select(np.random.default_rng(0).permutation(rows))
+    assert "row" in covariates(Rows(mixed, cubic.base))
 
 
 @pytest.mark.parametrize("seed", [102, 103, 106])

@@ -135,6 +135,8 @@ def test_two_branches_are_one_cause_that_diagnose_and_refit_find() -> None:
     found = diagnose(spring, table)
     assert found.answer == (("stress_relaxation",),)
     assert found.held_out.after < 1.2
+    fast, slow = (found.effects[0].effect.shape[name] for name in ("tau_s", "second_tau_s"))
+    assert f", tau {fast:.3g} s, second_tau {slow:.3g} s" in str(found)
     assert not [text for text in found.warnings if "noise" in text or "differs" in text]
     (better,) = refit(spring, table, add="stress_relaxation").effects
     for effect, values in ((item.effect, item.values) for item in (*found.effects, better)):

@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_669, 202),
+    "python/ecm": (42_811, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_151, 234),
+    "tests": (33_157, 234),
     "crates": (34_192, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: richer
-forms of what was found, taken by diagnosis and fit where held-out rows ask for them (114 in the
-package with `models/shapes.py`, 41 in the tests), and physics as far as poses shift (46, 32)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a
+diagnosis that neither copies its rows nor forms again what it knows when a richer form joins
+(142 in the package; a log of relaxation takes two thirds of the time and of the memory)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -14,7 +14,7 @@ from ecm.regression.history import approach_sides
 from ecm.regression.rows import Rows, derived_columns
 
 KNOWN = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
-_ORDERED = 0.9
+_ORDERED, _ONE_ORDER = 0.9, 1.0 - 1e-9
 _LEAST_IN_GROUP = 4
 
 
@@ -147,8 +147,11 @@ def covariates(rows: Rows) -> dict[str, F]:
         values = np.nan_to_num(table.column(name))
         if float(np.ptp(values)) > 0.0:
             variables[name] = _standard(values[:, None])[:, 0]
-    if "time_s" not in variables and len(table) > 1:
-        variables["row"] = _standard(table.row_numbers.astype(np.float64)[:, None])[:, 0]
+    order = table.row_numbers.astype(np.float64)
+    # Of rows in the order of a column of the pose, as of a pull to the end, it tells no more.
+    told = any(in_one_order(order, values, least=_ONE_ORDER) for values in rows.poses.T)
+    if "time_s" not in variables and len(table) > 1 and not told:
+        variables["row"] = _standard(order[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
         side = approach_sides(table, rows.base.length_m)
         if float(np.ptp(side)) > 0.0:
