@@ -257,7 +257,7 @@ def signature_shares(
 _DEGREE = 3
 _OUTLYING = 1.5
 """A run is an outlier where the curves of the others miss it so many times more than they miss each
-other."""
+other, and more than its readings scatter."""
 _AS_FAR = 2.0
 """Ratio of the ways of two runs below which they move about as far."""
 _SWAPPED = 0.5
@@ -317,7 +317,7 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     outliers = []
     for i, number in enumerate(numbers):
         others = np.median(np.delete(errors, i, axis=0), axis=0)
-        if (errors[i] > _OUTLYING * others).all():
+        if (errors[i] > _OUTLYING * np.maximum(others, _noise(curves[i]))).all():
             again = error(_exchanged(curves[i], x[run != number], y[run != number]), i)[0]
             swapped = bool(again < min(_SWAPPED * errors[i, 0], _OUTLYING * others[0]))
             said = (float(errors[i, 0]), float(others[0]))
@@ -336,6 +336,13 @@ def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
     miss = of[1] - curve(inside)
     scale = rms(by[1])
     return float(np.sqrt((miss**2).mean() + (scale * beyond) ** 2 @ np.ones(len(miss)) / len(miss)))
+
+
+def _noise(of: tuple[F, F]) -> float:
+    """Return the noise of readings one after the other, over their size: of a small stroke it is a
+    large share, which no other run tells."""
+    left = of[1] - np.polynomial.Polynomial.fit(*of, min(_DEGREE, len(of[0]) - 1))(of[0])
+    return rms(np.diff(left, 2)) / np.sqrt(6.0) / rms(of[1]) if len(left) > 2 else 0.0
 
 
 def _exchanged(pair: tuple[F, F], x: F, y: F) -> tuple[F, F]:

@@ -283,7 +283,10 @@ class Model(Shown, EvaluatedModel):
             lines += [f"  {line}" for line in self.base.sentences(self.covariance)]
         for side, title in (("physics", "physics"), ("measurement", "instruments")):
             for item in (i for i in self.effects if i.effect.side == side):
-                shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
+                shape = "".join(
+                    f", {k} = {v:.4g}" if isinstance(v, float) else f", {k} = {v}"
+                    for k, v in item.effect.shape.items()
+                )
                 lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
                 for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
                     error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
