@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (42_822, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_174, 234),
+    "tests": (33_172, 234),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a
