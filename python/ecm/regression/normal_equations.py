@@ -80,17 +80,21 @@ class NormalEquations:
             np.zeros(k) if precision is None else precision,
         )
 
-    def rows(self, columns: Sequence[int] | slice = slice(None)) -> F:
-        """(N m, k) weighted rows of some columns, group after group."""
-        take = columns if isinstance(columns, slice) else list(columns)
-        return self._weighed(self.design[:, :, take], slice(None))
-
-    def _weighed(self, columns: F, part: slice) -> F:
-        """(r, k) weighted rows of columns (N, m, k), of a part of the groups' order."""
+    def rows(self, columns: Sequence[int] | None = None, part: slice | I = slice(None)) -> F:
+        """(r, k) weighted rows of some columns, group after group; of a part of their order."""
         places = self.order[part]
-        rows = columns[places]
+        if columns is None:
+            rows = self.design[places]
+        else:
+            component = np.arange(self.design.shape[1])[:, None]
+            at = np.asarray(columns, dtype=np.int64)
+            rows = self.design[places[:, None, None], component, at]
+        return self._weighed(rows, places)
+
+    def _weighed(self, rows: F, places: I) -> F:
+        """(r, k) of rows (n, m, k) at these places, which are overwritten."""
         rows *= self.root[places, None, None]
-        return rows.reshape(len(places) * columns.shape[1], columns.shape[2])
+        return rows.reshape(rows.shape[0] * rows.shape[1], rows.shape[2])
 
     @cached_property
     def total(self) -> tuple[F, F, float]:
@@ -107,8 +111,8 @@ class NormalEquations:
         m = self.design.shape[1]
 
         def of_part(part: slice) -> tuple[F, F]:
-            rows = self._weighed(self.design, part)
-            right = rows if others is None else self._weighed(others, part)
+            rows, places = self.rows(part=part), self.order[part]
+            right = rows if others is None else self._weighed(others[places], places)
             return rows.T @ right, self.response[m * part.start : m * part.stop] @ right
 
         parts = [slice(a, a + _WEIGHED) for a in range(0, max(len(self.order), 1), _WEIGHED)]
@@ -132,11 +136,6 @@ class NormalEquations:
             total = np.concatenate([left, beside], axis=1), np.concatenate([vector, own]), squares
             vars(wider).update(total=total)
         return wider
-
-    def only(self, columns: Sequence[int]) -> NormalEquations:
-        """The equations of some of the columns, in their order."""
-        take = np.asarray(columns, dtype=np.int64)
-        return replace(self, design=self.design[:, :, take], precision=self.precision[take])
 
     def beside(self, rows: F, response: F) -> NormalEquations:
         """The equations of the same groups for other columns (r, k) and another response (r,)."""
@@ -168,17 +167,18 @@ class NormalEquations:
         projected
             (r, b) orthonormal columns that rows and response are without; they are fitted as well.
         """
-        own = self.only(columns)
-        matrix, vector, _ = own.total
+        take = np.asarray(columns, dtype=np.int64)
+        matrix, vector = self.total[0][np.ix_(take, take)], self.total[1][take]
         if known is not None:
             matrix, vector = matrix + known[0].T @ known[0], vector + known[1] @ known[0]
         result = np.zeros(len(self.squares))
         group = np.repeat(np.arange(len(self.squares)), np.diff(self.bounds))
+        of_row = group[:: self.design.shape[1]]
         # By the rows of each fold: a matrix of each group would hold k times as much as all rows.
-        every = own.rows()
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
-            rows, response = every[inside], self.response[inside]
+            response = self.response[inside]
+            rows = self.rows(columns, np.flatnonzero((fold_of_group == fold)[of_row]))
             others, read = rows, response
             if projected is not None and projected.shape[1]:
                 both = _without_them(projected[inside], np.column_stack([rows, response]))
