@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_822, 202),
+    "python/ecm": (42_829, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
     "tests": (33_172, 234),
@@ -17,7 +17,7 @@ LIMITS = {
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a
 diagnosis that neither copies its rows nor forms again what it knows when a richer form joins
-(142 in the package; a log of relaxation takes two thirds of the time and of the memory)."""
+(150 in the package; a log of relaxation takes two thirds of the time and of the memory)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -314,10 +314,10 @@ def remedy_with_base(
         refuse_unused_inputs(table, specification)
         base = fit_rows(table, specification)
         found = base.add(*effects).fit(table, with_ceiling=False)
+        if (error := found.history[-1].held_out) > most_error:
+            return None
         refuse_worse(found, table)
         if effects and (objections(found, table, base) or _better_base(found, table) is not None):
-            return None
-        if (error := found.history[-1].held_out) > most_error:
             return None
     except (EcmError, np.linalg.LinAlgError):
         return None
