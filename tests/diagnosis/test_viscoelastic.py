@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from ecm.comparison import compare
 from ecm.comparison.structure import run_outliers
 from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table, read_table
 from ecm.models import fit_model
@@ -147,6 +148,16 @@ def test_two_branches_are_one_cause_that_diagnose_and_refit_find() -> None:
         assert effect.shape["tau_s"] == pytest.approx(0.05, rel=0.05)
         assert effect.shape["second_tau_s"] == pytest.approx(2.0, rel=0.05)
         assert values == pytest.approx([0.4, 0.3], abs=0.02)
+
+
+def test_two_branches_beside_a_base_that_is_projected_out() -> None:
+    """A cubic of six columns has far more coefficients than are carried along."""
+    table = _rubber(1, {0.05: 0.4, 2.0: 0.3})
+    spring = fit_model(table, "poly:3")
+    found = diagnose(spring, table, settings=DiagnosisSettings(most_base_columns=2))
+    assert found.answer == (("stress_relaxation",),)
+    assert found.held_out.after < 1.2
+    assert found.effects[0].values == pytest.approx([0.4, 0.3], abs=0.02)
 
 
 def test_one_branch_keeps_one() -> None:

@@ -709,7 +709,7 @@ def _weights(response: F, base_block: F, every: Sequence[ScoreColumns]) -> F:
 def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Projection) -> Problem:
     """Return the problem with a base's columns (N, m, b) and these shapes; `shapes` is emptied."""
     response, projected = bare.response, block[:, :, :0]
-    if block.shape[2] > bare.settings.most_base_columns:
+    if len(bare.base.coefficients) > bare.settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
         response = projection.rest(response[:, :, None])[:, :, 0]
         for i, one in enumerate(shapes):
@@ -719,9 +719,8 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
     free = block.shape[2]
     left_out: LeftOut | None = None
     if free:
-        rows, base = bare.rows, bare.base
         errs, terms = (
-            bare.whitener @ part(rows, base) for part in (error_columns, further_columns)
+            bare.whitener @ part(bare.rows, bare.base) for part in (error_columns, further_columns)
         )
         left_out = LeftOut.of(projection, block, terms)
         block = np.concatenate((block, errs, left_out.columns(block, terms)), axis=2)

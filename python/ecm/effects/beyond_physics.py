@@ -51,8 +51,8 @@ _WIDTHS = (0.05, 0.12, 0.25)
 """Half widths of a dead zone that are tried, over the range of its pose column."""
 _DEGREES = (4, 5, 6, 7, 9)
 _LEAST_ROWS = 12
-"""Three for each coefficient of a cubic. From 12 to 19 rows without a cause 1.8 % of 500 tables got
-a shape of the curve, from 20 to 40 rows 1.6 %."""
+"""Three for each coefficient of a cubic. Of tables without a cause no more get a shape of the curve
+than of those of 20 to 40 rows."""
 _MOST_ABSORBED = 0.999
 """A cubic takes most of a kink, and a kink is what is left."""
 
