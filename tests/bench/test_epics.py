@@ -87,8 +87,10 @@ def test_a_plan_through_process_variables(tmp_path: Path) -> None:
         "bench.toml",
     )
     table = measure(plan, bench, tmp_path / "data.csv")
+    off = np.abs(table.poses - plan.poses)
+    assert off[:, :3].max() < 2e-5
     # A sample scatters by 1e-3 degrees, and on a busy machine few of them make a reading.
-    assert np.abs(table.poses - plan.poses).max() < 5.0 * np.deg2rad(1e-3)
+    assert off[:, 3:].max() < 5.0 * np.deg2rad(1e-3)
     wrench = (table.poses - [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]) * soft_ioc.STIFFNESS
     turned = np.abs(table.wrenches - wrench)  # the sensor's axes turn with the platform
     assert turned[:2].max() < 0.02

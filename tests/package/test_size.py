@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (42_828, 202),
+    "python/ecm": (42_827, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_180, 234),
+    "tests": (33_182, 234),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a

@@ -147,11 +147,11 @@ def covariates(rows: Rows) -> dict[str, F]:
         values = np.nan_to_num(table.column(name))
         if float(np.ptp(values)) > 0.0:
             variables[name] = _standard(values[:, None])[:, 0]
-    order = table.row_numbers.astype(np.float64)
-    # Of rows in the order of a column of the pose, as of a pull to the end, it tells no more.
-    told = any(in_one_order(order, values, least=_ONE_ORDER) for values in rows.poses.T)
-    if "time_s" not in variables and len(table) > 1 and not told:
-        variables["row"] = _standard(order[:, None])[:, 0]
+    if "time_s" not in variables and len(table) > 1:
+        order = table.row_numbers.astype(np.float64)
+        # Of rows in the order of a column of the pose, as of a pull to the end, it tells no more.
+        if not any(in_one_order(order, values, least=_ONE_ORDER) for values in rows.poses.T):
+            variables["row"] = _standard(order[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
         side = approach_sides(table, rows.base.length_m)
         if float(np.ptp(side)) > 0.0:

@@ -329,19 +329,23 @@ def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
     """Return the root mean square error at `of` of a cubic that is fitted to `by`."""
     low, high = float(by[0].min()), float(by[0].max())
     span = max(high - low, 1e-300)
-    curve = np.polynomial.Polynomial.fit(by[0], by[1], min(_DEGREE, len(by[0]) - 1))
     inside = np.clip(of[0], low - 0.1 * span, high + 0.1 * span)
     # Beyond the range of `by` the curve is constant, and the distance counts as a difference.
     beyond = (of[0] - inside) / span
-    miss = of[1] - curve(inside)
+    miss = of[1] - _curve(by, inside)
     scale = rms(by[1])
     return float(np.sqrt((miss**2).mean() + (scale * beyond) ** 2 @ np.ones(len(miss)) / len(miss)))
+
+
+def _curve(by: tuple[F, F], at: F) -> F:
+    """Return (n,) at these poses of a cubic, or what the rows allow, that is fitted to a run."""
+    return np.asarray(np.polynomial.Polynomial.fit(*by, min(_DEGREE, len(by[0]) - 1))(at))
 
 
 def _noise(of: tuple[F, F]) -> float:
     """Return the noise of readings one after the other, over their size: of a small stroke it is a
     large share, which no other run tells."""
-    left = of[1] - np.polynomial.Polynomial.fit(*of, min(_DEGREE, len(of[0]) - 1))(of[0])
+    left = of[1] - _curve(of, of[0])
     return rms(np.diff(left, 2)) / np.sqrt(6.0) / rms(of[1]) if len(left) > 2 else 0.0
 
 

@@ -28,6 +28,7 @@ from ecm.diagnosis.search import (
     delta_chi2_of_each,
     estimate,
     held_out_t,
+    of_others,
     own_sign,
     rank,
     search,
@@ -134,8 +135,7 @@ class _Chosen:
         least
             Loss below which each is a rival. A shape that a later run refutes never is.
         """
-        present = {one.id for one in self.chosen}
-        others = [c for c in self.problem.offered if c.id not in present]
+        others = of_others(self.problem.offered, self.chosen)
         losses = self.bic - delta_bic_of_each(self.problem, self.others, others)
         nearest: dict[str, float] = {}
         for other, loss in zip(others, losses.tolist(), strict=True):
@@ -240,8 +240,7 @@ class _Chosen:
 
     def winners(self, seed: int) -> dict[str, float]:
         """Return the share of bootstraps that each effect wins in its place."""
-        present = {other.id for other in self.others}
-        shapes = [c for c in self.problem.candidates if c.id not in present]
+        shapes = of_others(self.problem.candidates, self.others)
         drops = delta_chi2_of_each(self.problem, self.others, shapes)
         least = _CONTENDER_SHARE * self.ranked[self.item.id].drop
         contenders = list(compress(shapes, drops > least))

@@ -761,15 +761,15 @@ def with_forms(
         (N, m, k) whitened `score_columns` of a form.
     """
     ids = {form.id for form in forms}
-    imitators = {id(item) for item in problem.imitators}
     shapes = [
         ScoreColumns(
             item.effect,
             problem.design[:, :, item.columns[0] : item.columns[-1] + 1],
-            id(item) in imitators,
+            imitates,
             problem.norms[list(item.columns)],
         )
-        for item in problem.offered
+        for imitates, items in ((False, problem.candidates), (True, problem.imitators))
+        for item in items
         if item.id not in ids
     ]
     shapes += [ScoreColumns(form, columns(form)) for form in forms]

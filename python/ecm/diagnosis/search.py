@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -109,14 +109,19 @@ def without(chosen: Sequence[Candidate], item: Candidate) -> tuple[Candidate, ..
     return tuple(other for other in chosen if other is not item)
 
 
+def of_others(shapes: Iterable[Candidate], chosen: Sequence[Candidate]) -> list[Candidate]:
+    """Return the shapes of effects that are not chosen."""
+    present = {item.id for item in chosen}
+    return [shape for shape in shapes if shape.id not in present]
+
+
 def delta_chi2_of_each(
     problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
 ) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
     columns = problem.columns_of(chosen)
     if columns not in problem.gains:
-        present = {item.id for item in chosen}
-        blocks = [c.columns for c in problem.offered if c.id not in present]
+        blocks = [shape.columns for shape in of_others(problem.offered, chosen)]
         left = projected_out(*problem.equations, columns)
         gains = explained_by_blocks(problem.equations, left, blocks, problem.signs)
         problem.gains[columns] = np.full(len(problem.signs), np.nan)
@@ -144,8 +149,7 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
 
 def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
     """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
-    present = {item.id for item in chosen}
-    tried = [c for c in problem.candidates if c.id not in present]
+    tried = of_others(problem.candidates, chosen)
     penalty = float(np.log(problem.size))
     best: dict[str, Ranked] = {}
     for c, drop in zip(tried, delta_chi2_of_each(problem, chosen, tried).tolist(), strict=True):
@@ -297,8 +301,7 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
         improved = False
         for i in range(len(best)):
             others = without(best, best[i])
-            present = {item.id for item in others}
-            tried = [c for c in problem.candidates if c.id not in present]
+            tried = of_others(problem.candidates, others)
             falls = delta_bic_of_each(problem, others, tried)
             most = int(np.argmax(falls))
             if falls[most] > value + 1e-6:
@@ -485,9 +488,8 @@ def _richer_form(
     if not forms:
         return None
     known = problem.design[:, :, list(problem.columns_of(others))]
-    if not problem.n_base:
-        known = np.concatenate([problem.projected_base, known], axis=2)
-    projection = Projection.of(known, np.sqrt(problem.weights))
+    beside = np.concatenate([problem.projected_base, known], axis=2)
+    projection = Projection.of(beside, np.sqrt(problem.weights))
     y = projection.flat(projection.rest(problem.response[:, :, None]))[:, 0]
     left = ColumnsOfParts(lambda part: projection.flat(projection.rest(whitened(part))))
 

@@ -237,19 +237,19 @@ def _untested(document: Mapping[str, Any]) -> str:
 
 def _sized(item: Mapping[str, Any]) -> str:
     """An effect, what it is, its best determined parameter, and the times of its shape."""
-    what = with_shape(item["id"], item.get("shape", {})).physics.split(":")[0].rstrip(".")
+    shape = item.get("shape", {})
+    what = with_shape(item["id"], shape).physics.split(":")[0].rstrip(".")
     name, fitted = max(
         item["parameters"].items(), key=lambda at: abs(at[1]["value"]) / max(at[1]["sd"], 1e-300)
     )
     words = what[:1].lower() + what[1:]
     size = f"{fitted['value']:.3g} +- {fitted['sd']:.2g}{behind(fitted['unit'])}"
-    times = {key: value for key, value in item.get("shape", {}).items() if key.endswith("_s")}
-    when = [
+    times = [
         f", {key.removesuffix('_s')} {value:.3g} s"
-        for key, value in times.items()
-        if 0.0 < value < np.inf
+        for key, value in shape.items()
+        if key.endswith("_s") and 0.0 < value < np.inf
     ]
-    return f"{item['id']} ({words}), {name} {size}{''.join(when)}"
+    return f"{item['id']} ({words}), {name} {size}{''.join(times)}"
 
 
 def _too_few(document: Mapping[str, Any]) -> bool:
