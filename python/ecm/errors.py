@@ -97,8 +97,8 @@ class Remedy:
         return "; ".join(_call(*words[1:]) for words in parts)
 
 
-_IN_PYTHON = {"DATA": "table", "MODEL": "model", "choose": "ecm.models.choose_model(table).best"}
-"""What a file, or the model that is chosen, is called in Python."""
+_IN_PYTHON = {"DATA": "table", "MODEL": "model"}
+"""What a file is called in Python."""
 _CALLS = {
     "import": "table = ecm.import_log(log).table",
     "check": "print(ecm.check(table))",

@@ -15,7 +15,6 @@ from ecm.io.arrays import rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.export import export_files
-from ecm.models.selection import choose_model
 
 LENGTH_M = 0.1
 SPAN = dict(zip(POSE, (4e-3, 1e-2, 1e-2, 0.3, 0.3, 0.3), strict=True))
@@ -81,7 +80,7 @@ def test_each_step_ends_in_a_result_or_a_refusal(
     poses: tuple[str, ...], wrenches: tuple[str, ...], description: str
 ) -> None:
     table = measured(poses, wrenches, description)
-    model = ecm.fit(table, choose_model(table).best)
+    model = ecm.fit(table, "choose")
     assert str(ecm.check(table))
     assert ecm.compare(model, table).to_dict()
     assert json.dumps(ecm.diagnose(model, table).to_dict())

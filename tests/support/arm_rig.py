@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from dataclasses import replace
 from functools import lru_cache
@@ -38,7 +40,9 @@ def library() -> Path:
     need_program("cc", "gcc")
     poses = some_poses(80, seed=9)
     model = controller_document("", poses, 0.97 * wrench(poses), L)
-    return compile_model(model, Path(tempfile.mkdtemp(prefix="ecm-controller-")))
+    folder = Path(tempfile.mkdtemp(prefix="ecm-controller-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return compile_model(model, folder)
 
 
 @lru_cache(maxsize=1)

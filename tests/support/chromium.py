@@ -228,6 +228,7 @@ def open_chromium(*, card: bool = False) -> Iterator[Page]:
         process = subprocess.Popen(
             ["bash", "-c", script, "bash", *command],
             pass_fds=(to_browser, from_browser),
+            env={**os.environ, "TMPDIR": profile},  # its own files go with the profile
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -30,6 +30,7 @@ from ecm.models.parameters import parameters_of
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import refuse_unless_forced
 from ecm.models.registry import parse_model
+from ecm.models.selection import choose_model
 from ecm.regression.rows import taken_by
 
 
@@ -54,9 +55,9 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
         Pose columns (m, rad) and wrench columns (N, N m), as a table, a data frame, a dict or a
         file; rows of other kinds are left out.
     model
-        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`; an
-        `Expression`; or a function f(poses (N, n), **parameters) that returns wrenches (N, m), of
-        the pose and wrench columns of the table.
+        A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`;
+        `"choose"` for that of `choose_model`; an `Expression`; or a function f(poses (N, n),
+        **parameters) that returns wrenches (N, m), of the pose and wrench columns of the table.
     parameters
         Of a function: start of each parameter by name, as in `Expression`.
     meta
@@ -97,6 +98,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
+    if isinstance(model, str) and model == "choose":
+        model = choose_model(table, progress=progress).best
     specification = _specification(model, parameters)
     if weights != "auto" and not specification.weighted:
         raise InputError(

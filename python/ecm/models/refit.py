@@ -123,7 +123,7 @@ def refuse_worse(
     ecm.errors.ComputationError: the fit is no model of these data: on held-out rows fx_N errs \
 4e+08 times its spread, where the mean errs once
     Let held-out rows choose the model:
-      better = ecm.fit(table, ecm.models.choose_model(table).best)
+      better = ecm.fit(table, "choose")
     """
     if before is not None:
         refuse_addition(fitted, table, before)
