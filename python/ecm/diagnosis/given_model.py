@@ -256,8 +256,8 @@ class GivenModel:
             scaled = f", and the wrench is {self.scale:.3g} times its own"
         return {
             "effect": f" Even refitted {again}: an effect is missing{scaled}.",
-            "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
-            "the model first.",
+            "form": f" Refitted on them {again}, the base {self.base_errors.on_held_out_rows()}: "
+            "its form is better. Change the model first.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
         }[self.answer]
