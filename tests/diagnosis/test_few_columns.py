@@ -11,7 +11,7 @@ import pytest
 import ecm
 from ecm.comparison.residuals import covariates
 from ecm.diagnosis.procedure import find_missing
-from ecm.diagnosis.summary import verdict_sentence
+from ecm.diagnosis.summary import _of_unknown, verdict_sentence
 from ecm.effects import effects_for, get_effect, with_shape
 from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
@@ -57,6 +57,13 @@ def test_what_a_model_lacks_without_a_name_is_not_nothing() -> None:
     document = {"unknown": None, "answer": [], "upper_bound": 0.16, "model": {"answer": "effect"}}
     assert "no name" in verdict_sentence(document)
     assert "Nothing" in verdict_sentence({**document, "model": {"answer": "fits"}})
+
+
+def test_nobody_is_told_to_vary_the_time() -> None:
+    said = list(_of_unknown({"variables": ["time_s", "pressure_1_Pa", "x_m"]}))
+    assert said[0].startswith("the same poses again, later")
+    assert said[1].startswith("measure again and vary pressure_1_Pa alone")
+    assert list(_of_unknown({"variables": ["time_s"]})) == said[:1]
 
 
 @pytest.mark.parametrize("place", [0.35, 0.55, 0.6, 0.65])

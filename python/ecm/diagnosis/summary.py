@@ -361,8 +361,11 @@ def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     elif unknown.get("variables", [])[:1] == ["row"]:
         yield "measure the same poses in another order, and record the time in time_s"
     elif unknown.get("variables"):
-        alone = ", then ".join(unknown["variables"][:2])
-        yield f"measure again and vary {alone} alone: the residual follows it"
+        first = unknown["variables"][:2]
+        if "time_s" in first:  # nobody can vary it
+            yield "the same poses again, later: the residual follows the time"
+        if alone := ", then ".join(name for name in first if name != "time_s"):
+            yield f"measure again and vary {alone} alone: the residual follows it"
 
 
 _SHOWN = 12
