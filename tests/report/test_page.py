@@ -154,6 +154,19 @@ def test_on_a_phone_a_long_name_breaks_and_the_numbers_of_a_stiffness_stand_apar
         assert right < left
 
 
+def test_on_a_wide_page_no_sentence_has_to_be_scrolled(page: Page, tmp_path: Path) -> None:
+    """Neither in a column before the last one, nor where a command prints lines."""
+    said = "q1_rad, q2_rad, q3_rad, q4_rad, q5_rad, q6_rad, q7_rad, q1_dir, q2_dir, q3_dir, " * 2
+    table = TableBlock("Not testable", ("why", "what to record", "effects"), [["no", said, said]])
+    blocks: list[Block] = [table, CodeBlock("ecm check", said * 2)]
+    Report("t", "l", [Section("First", blocks)]).write(tmp_path / "page.html")
+    page.size(1400, 900)
+    page.open((tmp_path / "page.html").as_uri())
+    page.until("!!document.documentElement.dataset.figures")
+    wide = "[...document.querySelectorAll('.scroll, pre')].map(e => e.scrollWidth - e.clientWidth)"
+    assert max(page.js(wide)) <= 0
+
+
 def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(
     page: Page, tmp_path: Path
 ) -> None:
