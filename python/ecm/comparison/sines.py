@@ -109,9 +109,9 @@ def dynamic_stiffness(
         way, other = _harmonic(at, ways[used], frequency)
         if other > _MOST_BESIDE:
             raise InputError(
-                f"{table.source}: the way of run {number:g} is no sine of one frequency, which "
-                f"leaves {100.0 * other:.0f} % of its spread; give each frequency and amplitude a "
-                "run of its own: a column that numbers them, `ecm import LOG --map run=COLUMN`"
+                f"{table.source}: run {number:g} is no vibration of one frequency, which leaves "
+                f"{100.0 * other:.0f} % of the spread of its way; give each frequency a run of its "
+                "own: a column that numbers them, `ecm import LOG --map run=COLUMN`"
             )
         load, rest = _harmonic(at, loads[used], frequency)
         k = load / way
