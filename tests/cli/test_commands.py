@@ -369,6 +369,8 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     assert "confused with" in one.out
     for line in ("needs: poses reached from both sides (approach, ", "side: physics", "kind: time"):
         assert f"\n{line}" in one.out
+    # Of a kink the columns of the table say which, and no table of none is printed.
+    assert "ordinary size" not in ecm_command("effects", "kink").good().out
     plain = ecm_command("effects", "fts_offset").out
     assert "\nneeds: nothing beside pose and wrench\nside: measurement" in plain
     effects = {effect["id"]: effect for effect in read(tmp_path / "e.json")["effects"]}

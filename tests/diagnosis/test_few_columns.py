@@ -11,6 +11,7 @@ import pytest
 import ecm
 from ecm.comparison.residuals import covariates
 from ecm.diagnosis.procedure import find_missing
+from ecm.diagnosis.summary import _of_unknown, verdict_sentence
 from ecm.effects import effects_for, get_effect, with_shape
 from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
@@ -32,6 +33,37 @@ def test_what_is_hidden_is_named(kind: str) -> None:
     table = one_angle(kind)
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.answer == ((kind,),)
+
+
+def test_an_experiment_comes_before_the_length_of_one_axis() -> None:
+    """Of one axis the length brings thermal expansion, which is not what is missing."""
+    joint = one_angle("hysteresis")
+    columns = {
+        "time_s": joint["time_s"],
+        "x_m": 1e-2 * joint["theta_z_rad"],
+        "fx_N": 1e2 * joint["tau_z_Nm"],
+        "temperature_degC": 23.0 + 0.1 * np.random.default_rng(1).standard_normal(len(joint)),
+    }
+    meta = {"instrument": {"pose_position_sd_m": 1e-7, "force_sd_N": 1e2 * NOISE_NM}}
+    table = ecm.as_table(columns, meta=meta)
+    document = ecm.diagnose(ecm.fit(table, "cubic"), table).to_dict()
+    assert "[mechanism] length_m" in {one["record"] for one in document["not_testable"]}
+    assert document["answer"] == [["hysteresis"]]
+    assert "length_m" not in document["summary"]["next"]
+
+
+def test_what_a_model_lacks_without_a_name_is_not_nothing() -> None:
+    """Beside "an effect is missing" no sentence says that nothing is."""
+    document = {"unknown": None, "answer": [], "upper_bound": 0.16, "model": {"answer": "effect"}}
+    assert "no name" in verdict_sentence(document)
+    assert "Nothing" in verdict_sentence({**document, "model": {"answer": "fits"}})
+
+
+def test_nobody_is_told_to_vary_the_time() -> None:
+    said = list(_of_unknown({"variables": ["time_s", "pressure_1_Pa", "x_m"]}))
+    assert said[0].startswith("the same poses again, later")
+    assert said[1].startswith("measure again and vary pressure_1_Pa alone")
+    assert list(_of_unknown({"variables": ["time_s"]})) == said[:1]
 
 
 @pytest.mark.parametrize("place", [0.35, 0.55, 0.6, 0.65])

@@ -52,7 +52,12 @@ def test_each_model_gets_an_answer_of_its_own() -> None:
     assert len({found.sentence() for found in said.values()}) == 3
     assert len({found.model.gate.F for found in said.values()}) == 3
     assert said["linear"].model.answer == "form"
-    assert "a better form of the model" in said["linear"].summary().missing
+    missing, given = said["linear"].summary().missing, said["linear"].model
+    assert "a better form of the model" in missing
+    # Beside the base, held out, stands what the model's kind errs there, not as it was fitted.
+    assert given.refitted is not None
+    assert f"fitted again {given.refitted.over_noise:.3g} times the noise" in missing
+    assert f"the base {given.base_errors.over_noise:.3g} times" in given.sentence()
     base = said["linear"].model.base
     assert said["linear"].summary().add == f'better = ecm.fit(table, "{base}")'
     assert said["energy6"].model.answer == "fits"

@@ -132,6 +132,21 @@ def test_springs_without_a_coupling_do_not_say_which_of_the_two_is_reversed() ->
     )
 
 
+def test_a_wrong_frame_is_told_as_one(neck: Table) -> None:
+    """Where [frames] turned the columns, no entry of [columns] mends them."""
+    columns = {name: neck.column(name) for name in COLUMNS}
+    reaction = as_table(columns, meta={"frames": {"wrench_by": "mechanism"}})
+    found = told(reaction)
+    assert "looks reversed (wrench_by of [frames] says whose it is)" in found.sentence()
+    remedy = found.refusal("t.csv").remedy
+    assert remedy is not None
+    assert remedy.words.startswith("mend [frames] in the TOML beside the table")
+    # Of twelve columns that no sign mends, an axis may be turned.
+    falls = ("fy_N", "fz_N")
+    told_of = [WrongConvention("", falls, False, falls, whole=whole) for whole in (True, False)]
+    assert ["or a frame ([frames]" in one.sentence() for one in told_of] == [True, False]
+
+
 def test_a_body_that_buckles_is_not_called_wrong() -> None:
     """Its bending is coupled: no sign mends it, so that it may well be what it is."""
     stiffness = np.diag([3e3, 2e2, 3e2, 3.0, 0.5, 0.5])

@@ -385,6 +385,16 @@ def test_tables_of_different_things_do_not_join(tmp_path: Path) -> None:
     assert "y_m, z_m" in message
 
 
+def test_the_kind_that_differs_is_told_with_the_line_that_mends_it(tmp_path: Path) -> None:
+    """Of two logs of one test the faster one alone counts as continuous."""
+    for name, kind in (("a", "static"), ("b", "continuous")):
+        table = as_table({"y_m": [0.0], "fy_N": [1.0]}, meta={"file": {"kind": kind}})
+        table.write(tmp_path / f"{name}.csv")
+    message = refusal([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert message.endswith('say the same in the TOML beside each, for example kind = "continuous" '
+                            "below [file].")  # fmt: skip
+
+
 def test_a_mesh_is_the_same_whatever_folder_names_it(tmp_path: Path) -> None:
     """Catches a second campaign, written to a folder of its own, that is refused for its path."""
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 1.0]}

@@ -14,6 +14,7 @@ from ecm import import_log
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.logs.log import log_of_object
+from ecm.logs.names import read_name
 from ecm.models.selection import default_candidates
 
 N = 40
@@ -240,3 +241,16 @@ def test_one_angle_about_an_axis_is_the_rotation_vector(name: str, standard: str
     assert np.allclose(import_log(log).table[standard], TURN[:, 0])
     with_flexion = log | {"flexion [deg]": TURN[:, 1]}
     assert not import_log(with_flexion).table.pose_columns
+
+
+def test_a_name_that_is_a_unit_alone_tells_the_quantity() -> None:
+    """Its axis is asked for; a unit that is another word too tells nothing."""
+    log = {"ms": [0.0, 5.0, 9.0], "deg": [0.0, 30.0, 10.0], "Nmm": [0.0, 9.0, 3.0]}
+    with pytest.raises(InputError, match="'deg' is a rotation without an axis"):
+        import_log(log)
+    table = import_log(log, axis="z").table
+    assert table["theta_z_rad"][1] == pytest.approx(np.pi / 6)
+    assert table["tau_z_Nm"][1] == pytest.approx(9e-3)
+    assert table["time_s"][2] == pytest.approx(9e-3)
+    for word in ("in", "ft", "min", "N", "m"):
+        assert not [one for one in read_name(word).guesses if one.dimension == "length"]

@@ -11,11 +11,12 @@ import pytest
 from ecm.comparison import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.effects.ageing import PermanentSet
+from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError, ModelError
 from ecm.io.columns import WRENCH
 from ecm.io.description import Instrument, Meta
-from ecm.io.table import Table
-from ecm.models import load_model
+from ecm.io.table import Table, as_table
+from ecm.models import fit_model, load_model
 from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
 from support.campaigns import campaign, model, physics, with_change, workspace_poses
 from support.neck import Command, columns_of
@@ -312,3 +313,28 @@ def test_columns_beyond_a_double_are_refused_in_words() -> None:
     """A fit whose steps grow without end ends in an error of the package, not in a warning."""
     with pytest.raises(ModelError, match="does not converge"):
         unit_products(np.full((3, 2), 1e200))
+
+
+def test_a_product_of_base_and_effect_is_reached() -> None:
+    """Branches that stiffen a spring threefold: the base alone is stiff, their shares begin at 0.
+
+    Shares count in the base's stiffness, which falls as they grow.
+    """
+    time = np.arange(2400) / 60.0
+    x = 1e-3 * np.sin(2.0 * np.pi * time * (0.5 + 0.1 * time))
+    effect = StressRelaxation(0.05, "linear", 5.0)
+    shares, static, table = np.array([1.0, 1.5]), 270e3, {"time_s": time, "x_m": x}
+    instrument = {"force_sd_N": 0.8, "pose_position_sd_m": 5e-7}
+    meta = {"instrument": instrument, "file": {"kind": "continuous"}}
+    bare = as_table({**table, "fx_N": static * x}, meta=meta)
+    spring = fit_model(bare, "linear").base
+    force = static * x + effect.correction(Rows(bare, spring), shares)[:, 0]
+    force += np.random.default_rng(0).normal(0.0, 0.8, len(x))
+    measured = as_table({**table, "fx_N": force}, meta=meta)
+    start = fit_model(measured, "linear").base
+    assert start.stiffness(np.zeros((1, 1)))[0, 0, 0] > 2.0 * static
+    found = joint_fit(start, (effect,), measured, declared_noise(measured))
+    assert found.converged
+    assert found.whitened.std() == pytest.approx(1.0, abs=0.2)
+    assert found.base.stiffness(np.zeros((1, 1)))[0, 0, 0] == pytest.approx(static, rel=0.02)
+    assert found.effects[0].values == pytest.approx(shares, rel=0.05)

@@ -13,6 +13,7 @@ import pytest
 
 import ecm
 from ecm.effects import all_effects, get_effect
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
@@ -232,3 +233,39 @@ def test_rows_of_a_fit_are_inside_where_an_axis_stands_at_no_round_number() -> N
     force = 300.0 * (x - 0.4) + 0.01 * random.standard_normal(1500)
     table = ecm.as_table({**columns, "fx_N": force})
     assert ecm.compare(ecm.fit(table, "linear"), table).outside_domain == 0
+
+
+@cache
+def joint_with_a_stop() -> Table:
+    """A planar joint, x and theta_z: a cubic, and beyond 0.12 rad a stop."""
+    random = np.random.default_rng(1)
+    x, angle = random.uniform(-1e-3, 1e-3, 300), random.uniform(-0.2, 0.2, 300)
+    force = 2e4 * x - 300.0 * angle**2 + random.normal(0.0, 0.1, 300)
+    torque = 5.0 * angle - 600.0 * x * angle + 24.0 * angle**3
+    torque += 40.0 * np.maximum(angle - 0.12, 0.0) + random.normal(0.0, 3e-3, 300)
+    instrument = {
+        "pose_position_sd_m": 1e-6, "pose_rotation_sd_rad": 1e-5, "force_sd_N": 0.1,
+        "torque_sd_Nm": 3e-3,
+    }  # fmt: skip
+    columns = {"x_m": x, "theta_z_rad": angle, "fx_N": force, "tau_z_Nm": torque}
+    return as_table(columns, meta={"instrument": instrument})
+
+
+def test_powers_of_one_of_several_columns_are_exported_as_they_are() -> None:
+    """They are of a higher degree than a fit of two columns takes, and no rig has to tell them."""
+    table = joint_with_a_stop()
+    model = ecm.refit(fit_model(table, "cubic"), table, add="higher_degree")
+    assert model.effects[0].effect.shape["degree"] > 6
+    assert export_files(model, "c").folding < 1e-6
+
+
+def test_a_kink_is_not_to_be_left_out_where_that_errs_more(tmp_path: Path) -> None:
+    """No smooth map holds it; one without it is farther off."""
+    table = joint_with_a_stop()
+    model = ecm.refit(fit_model(table, "cubic"), table, add="kink")
+    with pytest.raises(InputError, match="more than 1") as refused:
+        ecm.export(model, "c", tmp_path)
+    remedy = refused.value.remedy
+    assert remedy is not None
+    assert "fitted without kink the model errs" in remedy.words
+    assert remedy.command.endswith("--force")

@@ -113,6 +113,19 @@ def test_a_dynamic_stiffness_prints_in_the_units_of_a_report() -> None:
         assert found.to_pandas()["loss_angle_deg"][0] == pytest.approx(53.13, abs=0.01)
 
 
+def test_several_frequencies_in_one_run_have_no_dynamic_stiffness() -> None:
+    """One number of all blocks of a log means nothing: each is a run."""
+    time = np.arange(3000) / 100.0
+    block = np.floor(time / 10.0)
+    way = 1e-3 * np.sin(2.0 * np.pi * time * np.array([0.5, 1.0, 2.0])[block.astype(int)])
+    log = {"time_s": time, "x_m": way, "fx_N": 5e3 * way}
+    with pytest.raises(
+        InputError, match=r"run 0 is no vibration of one frequency.* --map run=COLUMN"
+    ):
+        dynamic_stiffness(log)
+    assert dynamic_stiffness(log | {"run": block})["stiffness"] == pytest.approx(5e3)
+
+
 @pytest.mark.parametrize(
     "terms",
     [

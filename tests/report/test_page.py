@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,39 @@ def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(
     assert page.js("document.documentElement.scrollWidth") <= 360
     page.size(1200, 800)
     page.until(f"{ink} === 'rgb(23, 32, 43)'")
+
+
+def test_on_a_phone_a_long_name_breaks_and_the_numbers_of_a_stiffness_stand_apart(
+    page: Page, tmp_path: Path
+) -> None:
+    """A model's name has no spaces; a scroll shows the cells that a phone has no room for."""
+    cells = [["-0.00033 ± 0.0069"] * 6 for _ in range(6)]
+    blocks = [FigureBlock("ΔK", draw.text_map(np.zeros((6, 6)), cells, limit=20.0))]
+    name = "poly:1+hysteresis+stress_relaxation against measurements"
+    Report(name, "l", [Section("Where", blocks)]).write(tmp_path / "page.html")
+    page.size(360, 800)
+    page.open((tmp_path / "page.html").as_uri())
+    page.until("document.querySelectorAll('#figure-0 text').length > 0")
+    assert page.js("document.documentElement.scrollWidth") <= 360
+    rights_and_lefts = page.js(
+        "[...document.querySelectorAll('#figure-0 text')].filter(t => t.textContent.includes('±'))"
+        ".slice(0, 6).map(t => t.getBoundingClientRect()).map(r => [r.right, r.left])"
+    )
+    for (right, _), (_, left) in pairwise(rights_and_lefts):
+        assert right < left
+
+
+def test_on_a_wide_page_no_sentence_has_to_be_scrolled(page: Page, tmp_path: Path) -> None:
+    """Neither in a column before the last one, nor where a command prints lines."""
+    said = "q1_rad, q2_rad, q3_rad, q4_rad, q5_rad, q6_rad, q7_rad, q1_dir, q2_dir, q3_dir, " * 2
+    table = TableBlock("Not testable", ("why", "what to record", "effects"), [["no", said, said]])
+    blocks: list[Block] = [table, CodeBlock("ecm check", said * 2)]
+    Report("t", "l", [Section("First", blocks)]).write(tmp_path / "page.html")
+    page.size(1400, 900)
+    page.open((tmp_path / "page.html").as_uri())
+    page.until("!!document.documentElement.dataset.figures")
+    wide = "[...document.querySelectorAll('.scroll, pre')].map(e => e.scrollWidth - e.clientWidth)"
+    assert max(page.js(wide)) <= 0
 
 
 def test_a_printed_report_cuts_no_table_and_numbers_its_sections_once(

@@ -176,7 +176,8 @@ def _print(effect: Effect, session: Session) -> None:
     for item in effect.parameters:
         ends = (f"{item.lower:g}", f"{item.upper:g}")
         rows.append((item.name, item.unit, f"{item.scale:g}", *ends))
-    session.print(columns(rows))
+    named = columns(rows) if effect.parameters else "parameters: `fit` and `refit` name them"
+    session.print(named)
     for rival, action in _rivals(effect).items():
         session.print(f"confused with {rival}: {action}")
     if effect.outside:

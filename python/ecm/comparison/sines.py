@@ -18,6 +18,8 @@ from ecm.report.blocks import Block, Shown, TableBlock
 
 _LEAST_ROWS = 8
 """Fewer rows of a cycle's length tell no sine from another curve."""
+_MOST_BESIDE = 0.7
+"""Share of the spread of the way that a sine may leave: half of its squares."""
 
 
 class DynamicStiffness(Shown, dict[str, F]):
@@ -71,7 +73,8 @@ def dynamic_stiffness(
     Raises
     ------
     InputError
-        Columns are missing or too many, or a run is shorter than a cycle after those left out.
+        Columns are missing or too many, a run is shorter than a cycle after those left out, or it
+        holds several frequencies.
 
     Examples
     --------
@@ -103,7 +106,13 @@ def dynamic_stiffness(
                 f"{skip + 1.0:g} are needed; record more, or leave out fewer (`skip`)"
             )
         at = table.column("time_s")[used]
-        way, _ = _harmonic(at, ways[used], frequency)
+        way, other = _harmonic(at, ways[used], frequency)
+        if other > _MOST_BESIDE:
+            raise InputError(
+                f"{table.source}: run {number:g} is no vibration of one frequency, which leaves "
+                f"{100.0 * other:.0f} % of the spread of its way; give each frequency a run of its "
+                "own: a column that numbers them, `ecm import LOG --map run=COLUMN`"
+            )
         load, rest = _harmonic(at, loads[used], frequency)
         k = load / way
         found.append(

@@ -251,13 +251,13 @@ class GivenModel:
                 " In the base rows that are unlike all others count less: look at them (a warning "
                 "names them), leave out what is no measurement, and fit the model again."
             )
-        weak = ", too weak for the independent ones of these rows" * (self.reason == "weak")
+        scaled = ""
         if self.scale is not None:
-            weak += f", and the wrench is {self.scale:.3g} times its own"
+            scaled = f", and the wrench is {self.scale:.3g} times its own"
         return {
-            "effect": f" Even refitted {again}: an effect is missing{weak}.",
-            "form": f" Refitted on them {again}, the base far less: its form is too plain. Change "
-            "the model first.",
+            "effect": f" Even refitted {again}: an effect is missing{scaled}.",
+            "form": f" Refitted on them {again}, the base {self.base_errors.on_held_out_rows()}: "
+            "its form is better. Change the model first.",
             "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
             f"{self._cause()}",
         }[self.answer]

@@ -121,7 +121,9 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
     if not unknown:
         bound = document["upper_bound"]
         bounded = f"s < {bound:.2f}" if bound < np.inf else "too few rows to bound s"
-        return f"Nothing is missing that these data could show ({bounded})."
+        lacks = document["model"]["answer"] == "effect"  # it is said of the model that it does
+        nothing = f"Nothing is missing that these data could show ({bounded})."
+        return "These data have no name for it." if lacks else nothing
     nearest = unknown["nearest"]
     # The effects of a family are told already.
     near = ""
@@ -207,9 +209,10 @@ def _without_name(document: Mapping[str, Any]) -> str:
     again = _error(model["refitted"]) if model["refitted"] else base
     errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
+    refitted = f"fitted again {again}, " if model["refitted"] else ""
     weak = "has no name" if _errs_far(model) else "is too weak to be named"
     said = {
-        "form": f"no effect, a better form of the model: {errs}, {model['base']} {base}",
+        "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",
         "numbers": "no effect, the model's numbers are not those of this body: "
         f"{errs}, fitted again {again}",
         "effect": f"what {model['name']} lacks {weak}: it errs {given}",
@@ -312,10 +315,11 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     if unknown.get("misread") or document["model"]["answer"] == "table":
         yield "mend the table, and diagnose again"
     lacking = {item["record"] for item in document["not_testable"]}
-    if document["base"]["kind"] == "polynomial" and UNKNOWN_LENGTH.record in lacking:
-        whole = set(WRENCH) <= set(document["rmse"]["before"])
-        brings = "an energy is the base then" if whole else "more effects can be tested then"
-        yield f"state the length of the mechanism ([mechanism] length_m): {brings}"
+    by_length = document["base"]["kind"] == "polynomial" and UNKNOWN_LENGTH.record in lacking
+    whole = set(WRENCH) <= set(document["rmse"]["before"])
+    state = "state the length of the mechanism ([mechanism] length_m)"
+    if by_length and whole:
+        yield f"{state}: an energy is the base then"
     if "family" in document:
         family = document["family"]
         shows = "which of them, and its form" if family["drivers"] > 1 else "the form"
@@ -335,6 +339,8 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"measure more: on held-out rows {base} errs {before:.2g} times the noise"
     if document["noise"]["source"] == "assumed":
         yield "measure a part twice: the noise is only assumed"
+    if by_length and not whole:  # of some axes it brings one effect or two
+        yield f"{state}: more effects can be tested then"
     yield "no experiment is needed"
 
 
@@ -355,8 +361,11 @@ def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     elif unknown.get("variables", [])[:1] == ["row"]:
         yield "measure the same poses in another order, and record the time in time_s"
     elif unknown.get("variables"):
-        alone = ", then ".join(unknown["variables"][:2])
-        yield f"measure again and vary {alone} alone: the residual follows it"
+        first = unknown["variables"][:2]
+        if "time_s" in first:  # nobody can vary it
+            yield "the same poses again, later: the residual follows the time"
+        if alone := ", then ".join(name for name in first if name != "time_s"):
+            yield f"measure again and vary {alone} alone: the residual follows it"
 
 
 _SHOWN = 12

@@ -214,9 +214,10 @@ class HigherDegree(LinearEffect):
         )
         if self.of:
             self.physics = (
-                f"A polynomial of degree {self.degree:g}, smooth and the same on every visit: "
-                f"fit --model poly:{self.degree:g}."
+                f"A polynomial of degree {self.degree:g}, smooth and the same on every visit"
             )
+            # Of several columns a fit has all products as well, and takes no such degree.
+            self.physics += f": fit --model poly:{self.degree:g}." if len(scales) == 1 else "."
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Degrees up to nine, of every pair and of each alone."""

@@ -366,6 +366,10 @@ class WrongConvention:
         columns or rows are there.
     mend
         Entries of [columns] in the description that mend it; empty where none do.
+    framed
+        Whether [frames] of the description turned these columns, so that they may be what is wrong.
+    whole
+        Whether all twelve columns are there, which another frame turns into each other.
     """
 
     what: str
@@ -375,6 +379,8 @@ class WrongConvention:
     error_stated: float | None = None
     error_mended: float | None = None
     mend: tuple[str, ...] = ()
+    framed: bool = False
+    whole: bool = False
 
     def sentence(self) -> str:
         """Return what looks wrong and why, in plain words.
@@ -391,7 +397,8 @@ not passive there (pre-loaded, near buckling, driven)
         if len(self.falls) > 1:
             grows = f"{falls} fall where their coordinates grow"
         if not self.decided and self.error_mended is None:
-            what = self.what or "a column is wrong"
+            frame = " or a frame ([frames], docs/howto/frames.md)" * (self.framed or self.whole)
+            what = self.what or f"a column{frame} is wrong"
             active = "the mechanism is not passive there (pre-loaded, near buckling, driven)"
             return f"{grows}: {what}, or {active}"
         why = [grows] if self.falls else []
@@ -401,15 +408,20 @@ not passive there (pre-loaded, near buckling, driven)
                 f"{100 * self.error_stated:.2g} % of them, with that mended "
                 f"{100 * self.error_mended:.2g} %)"
             )
-        return ": ".join(filter(None, (self.what, ", and ".join(why))))
+        by = " (wrench_by of [frames] says whose it is)"
+        what = self.what + by * (self.framed and self.what == WRENCH_REVERSED)
+        return ": ".join(filter(None, (what, ", and ".join(why))))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain JSON, and the sentence."""
-        return asdict(self) | {"sentence": self.sentence()}
+        told = {k: v for k, v in asdict(self).items() if k not in ("framed", "whole")}
+        return told | {"sentence": self.sentence()}
 
     def refusal(self, source: str) -> InputError:
         """Return the error of a table that is fitted all the same, and the entry that mends it."""
         words = "mend the table, then check it again"
+        if self.framed:
+            words = "mend [frames] in the TOML beside the table, then check it again"
         if self.mend:
             entries = "\n".join(self.mend)
             words = (
@@ -631,7 +643,11 @@ class _Elastic:
         columns = dict.fromkeys(name for item in said for name, _, _ in item.columns)
         names = tuple(columns) or tuple(falling)
         mend = entries_of(self.rows, said[0].columns) if len(said) == 1 else ()
-        return WrongConvention(in_words(said), names, decided, tuple(falling), *errors, mend)
+        framed = self.rows.meta.applied_columns is None
+        return WrongConvention(
+            in_words(said), names, decided, tuple(falling), *errors, mend, framed,
+            bool(self.there.all()),
+        )  # fmt: skip
 
 
 def entries_of(table: Table, columns: Columns) -> tuple[str, ...]:

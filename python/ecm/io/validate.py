@@ -549,11 +549,17 @@ def _common_meta(parts: Sequence[Part], warnings: list[str]) -> Meta:
                 raise InputError(
                     f"{source}: {name} is {_said(own, common)}, in {first_source} "
                     f"{_said(common, own)}. Tables that are given together are runs of one "
-                    "experiment: say the same in the TOML beside each."
+                    f"experiment: say the same in the TOML beside each{_line(name, own, common)}."
                 )
         if meta.instrument != first.instrument:
             warnings.append(f"{source}: [instrument] differs; that of {first_source} is used")
     return first
+
+
+def _line(name: str, own: Any, common: Any) -> str:
+    """The line of a kind, which `import` takes from the rate of a log; of others there is none."""
+    kinds = {own, common} if name.endswith("kind") else set()
+    return ', for example kind = "continuous" below [file]' if "continuous" in kinds else ""
 
 
 def _said(own: Any, other: Any) -> str:

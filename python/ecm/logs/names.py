@@ -341,7 +341,22 @@ def read_name(name: str, unit_word: str = "") -> Named:
         return read_name(name[outer.end() :], unit.word if unit is not None else unit_word)
     if unit is not None:
         guesses = tuple(r for r in guesses if r.dimension == unit.dimension)
-    return Named(guesses, unit)
+    return Named(guesses, unit) if guesses or unit is not None else _of_unit_alone(name)
+
+
+def _of_unit_alone(name: str) -> Named:
+    """What a name that is nothing but a unit tells: 'deg' is some angle, in degrees."""
+    unit = columns.find_unit(name)
+    if unit is None or len(unit.word) < 2 or unit.word.lower() in _ALSO_WORDS:
+        return Named(())
+    fitting = (one for one in _BY_UNIT if QUANTITIES[one].dimension == unit.dimension)
+    return Named(tuple(Guess(one) for one in fitting), unit)
+
+
+_BY_UNIT = ("position", "force", "torque", "rotation", "time", "temperature")
+"""A quantity of each dimension, whose axis is asked for."""
+_ALSO_WORDS = ("in", "ft", "rev")
+"""Units that are names of other things: an input, a sensor of force and torque, a revision."""
 
 
 def _sure(name: str, unit_word: str) -> Named | None:

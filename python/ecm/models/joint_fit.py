@@ -207,15 +207,8 @@ def joint_fit(
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
-        size, products = unit_products(here.flat)
-        step = at.bounded_step(here.flat, here.response, size, products)
+        step = at.step(here)
         change = float(np.linalg.norm(here.flat @ step))
-        values, (lower, upper) = at.values, at.bounds
-        smallest = at.least_effects(size, products) @ (values + step)
-        # A value at its bound may miss it by a rounding of the projection.
-        near = _AT_BOUND * np.maximum(1.0, np.abs(smallest))
-        if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
-            step = np.clip(smallest, lower, upper) - values
         converged = change < _TOLERANCE * np.sqrt(max(1, here.residual.size))
         squares, rows = here.squares, here.rows
         del here  # its columns are most of the memory
@@ -300,40 +293,68 @@ class _Data:
         """The fit after a step, or after the largest part of it that leaves no more squares.
 
         Where every part leaves more it is the largest that can be evaluated: steps of a fit may
-        rise before they fall.
+        rise before they fall. So may a whole step of which a part falls: it and the next one are
+        taken where they leave less. What acts in proportion to the base is a product with it; parts
+        of steps crawl along its valley, and two whole ones cross it.
         """
         # So far from the rows that numbers overflow, nothing can be evaluated.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for moved, around, residual, known in self._parts(at, step, rows, squares):
+            for place in self._places(at, step, rows, squares):
                 try:
                     # The columns, which are most of the work, only where the step ends.
-                    return moved, self._with_columns(moved, around, residual, known)
+                    return place.at, self._at_place(place)
                 except ModelError:
                     continue
         raise ModelError(_RAN_AWAY)
 
-    def _parts(
-        self, at: _At, step: F, rows: Rows, squares: float
-    ) -> Iterator[tuple[_At, Rows, F, list[F | None]]]:
-        """Where a step may end, the best first, with what is left there."""
-        worse = []
-        nothing = np.zeros((0, len(at.values)))
-        for part in _PARTS:
-            moved = at.moved(part * step)
-            around = rows
-            if at.free_base:
-                around = Rows(rows.table, moved.base, dict(self.kept))
-            try:
-                residual, known = moved.residual(around, self.measured)
-            except ModelError:
-                continue
-            y = _with_priors(nothing, self._weighted(residual), moved.base, self.priors)[1]
-            place = moved, around, residual, known
-            if y @ y <= _NO_WORSE * squares:
-                yield place
-            elif np.isfinite(y @ y):
+    def _at_place(self, place: _Place) -> _Here:
+        return self._with_columns(place.at, place.rows, place.residual, place.known)
+
+    def _places(self, at: _At, step: F, rows: Rows, squares: float) -> Iterator[_Place]:
+        """Where a step may end, the best first."""
+        parts = (self._place(at, part * step, rows) for part in _PARTS)
+        worse: list[_Place] = []
+        for place in filter(None, parts):
+            if place.squares > _NO_WORSE * squares:
                 worse.append(place)
+                continue
+            if worse and (two := self._after_next(worse[0])) and two.squares < place.squares:
+                yield two
+            yield place
         yield from worse
+
+    def _after_next(self, place: _Place) -> _Place | None:
+        """Where the whole next step leads; None where it cannot be evaluated."""
+        try:
+            step = place.at.step(self._at_place(place))
+        except ModelError:
+            return None
+        return self._place(place.at, step, place.rows)
+
+    def _place(self, at: _At, step: F, rows: Rows) -> _Place | None:
+        """Where a step leads; None where it cannot be evaluated."""
+        moved, around = at.moved(step), rows
+        if at.free_base:
+            around = Rows(rows.table, moved.base, dict(self.kept))
+        try:
+            residual, known = moved.residual(around, self.measured)
+        except ModelError:
+            return None
+        nothing = np.zeros((0, len(at.values)))
+        y = _with_priors(nothing, self._weighted(residual), moved.base, self.priors)[1]
+        squares = float(y @ y)
+        return _Place(moved, around, residual, known, squares) if np.isfinite(squares) else None
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a step leads, and what is left there."""
+
+    at: _At
+    rows: Rows
+    residual: F
+    known: list[F | None]
+    squares: float
 
 
 @dataclass(frozen=True)
@@ -405,6 +426,18 @@ class _At:
         if not blocks:
             blocks = [np.zeros((len(rows), len(self.base.outputs), 0))]
         return np.concatenate(blocks, axis=2)
+
+    def step(self, here: _Here) -> F:
+        """The step to the least squares of the linearised fit, within the bounds."""
+        size, products = unit_products(here.flat)
+        step = self.bounded_step(here.flat, here.response, size, products)
+        values, (lower, upper) = self.values, self.bounds
+        smallest = self.least_effects(size, products) @ (values + step)
+        # A value at its bound may miss it by a rounding of the projection.
+        near = _AT_BOUND * np.maximum(1.0, np.abs(smallest))
+        if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
+            step = np.clip(smallest, lower, upper) - values
+        return step
 
     def bounded_step(self, z: F, y: F, size: F, products: F) -> F:
         """Least-squares step; bounded where the plain one leaves the bounds."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -373,7 +374,7 @@ def folded(model: EvaluatedModel) -> tuple[Folded, float]:
         fits = [EnergyTerms(length, *form).fit for form in _ENERGIES]
     if not fits or base.document().get("kind") not in ("energy", "physics"):
         least = base.model.degree if isinstance(base, PolynomialMap) else POLYNOMIAL_DEGREES[0]
-        most = MOST_OF_ONE_INPUT if len(base.inputs) == 1 else POLYNOMIAL_DEGREES[1]
+        most = _most_degree(len(base.inputs))
 
         def fitted(degree: int, poses: F, wrenches: F) -> PolynomialMap:
             one = _native.PolynomialEvaluator.fit(poses, wrenches, degree)
@@ -381,6 +382,21 @@ def folded(model: EvaluatedModel) -> tuple[Folded, float]:
 
         fits += [partial(fitted, degree) for degree in range(least, most + 1)]
     return _first_near_enough(fits, model)
+
+
+def _most_degree(inputs: int) -> int:
+    """Largest degree of a polynomial that holds effects: it repeats a law, and has no noise to fit.
+
+    A law of one column among several is of a higher degree than rows of a rig tell.
+
+    Examples
+    --------
+    >>> [_most_degree(inputs) for inputs in (1, 2, 3, 4, 6)]
+    [9, 9, 9, 6, 6]
+    """
+    degrees = range(POLYNOMIAL_DEGREES[1], MOST_OF_ONE_INPUT + 1)
+    few = [degree for degree in degrees if comb(inputs + degree, degree) <= _POSES // 4]
+    return max(few, default=POLYNOMIAL_DEGREES[1])
 
 
 def _first_near_enough(

@@ -325,7 +325,7 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
             f"{exported.folding:.2g} times the measurement noise at "
             f"{'its measured poses' if known else 'poses drawn from its domain'}, more than "
             f"{_MOST_FOLDING:g}: the controller would not have the model that was fitted.",
-            remedy=_without(_hard_to_fold(model, exported.folded), again)
+            remedy=_without(_hard_to_fold(model, exported.folded), again, model, exported.folding)
             if known
             else Remedy("judge it at the poses that were measured", f"{again} --data DATA"),
         )
@@ -383,10 +383,30 @@ def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:
     return folded_ids
 
 
-def _without(ids: Sequence[str], again: str) -> Remedy:
-    """Fit without effects that the files cannot hold, or write them all the same."""
+def _without(
+    ids: Sequence[str], again: str, model: Model | None = None, folding: float = np.inf
+) -> Remedy:
+    """Fit without effects that the files cannot hold, or write them all the same.
+
+    Parameters
+    ----------
+    model
+        Its history says how far a fit without them errs.
+    folding
+        How far the files err, over the noise; where a fit without the effects errs more, they are
+        the better map.
+    """
     if not ids:
         return Remedy("export it all the same", f"{again} --force", force=True)
+    if model is not None:
+        bare = model.remove(*ids).name
+        errs = [record.train for record in model.history if record.name == bare]
+        if errs and errs[-1] > folding:
+            words = (
+                f"export it all the same: fitted without {' and '.join(ids)} the model errs "
+                f"{errs[-1]:.2g} times the noise"
+            )
+            return Remedy(words, f"{again} --force", force=True)
     left_out = without(ids, " (or export all the same with --force)")
     return replace(left_out, force=True)
 
