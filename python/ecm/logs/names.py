@@ -205,6 +205,8 @@ _ACTUATOR = re.compile(
 )
 """The pressure of a chamber, or the tension of a tendon, with its number and unit."""
 _PRESSURE = ("pressure", "pressure", "Pa")
+_COUNTS = ("pose_id", "run", "repeat")
+"""Standard columns of whole numbers without a unit, which other programs write in capitals."""
 
 
 def find_unit(word: str) -> Unit | None:
@@ -306,8 +308,8 @@ def read_name(name: str, unit_word: str = "") -> Named:
     ['position', 'torque']
     >>> read_name("Force X (V)").guesses, read_name("Force X limit").guesses
     ((), ())
-    >>> read_name("P1 [kPa]").guesses[0].part
-    'pressure_1_Pa'
+    >>> read_name("P1 [kPa]").guesses[0].part, read_name("Run").guesses[0].part
+    ('pressure_1_Pa', 'run')
     """
     if (sure := _sure(name, unit_word)) is not None:
         return sure
@@ -348,6 +350,9 @@ def _sure(name: str, unit_word: str) -> Named | None:
     """What a name of this project means, and a numbered pressure or tension with its unit."""
     if is_standard(name):
         return Named((Guess("standard", name),))
+    bare = "_".join(_tokens(name))
+    if bare in _COUNTS:
+        return Named((Guess("standard", bare),))
     found = _ACTUATOR.fullmatch(f"{name} {unit_word}".strip().lower())
     unit = None if found is None else find_unit(found["unit"])
     if found is None or unit is None:
