@@ -114,6 +114,19 @@ def test_a_header_that_comes_again_is_no_row_and_no_value(tmp_path: Path) -> Non
     assert "words of 'Specimen' as numbers: A = 0, B = 1\n" in f"{imported}\n"
 
 
+def test_a_data_frame_of_a_file_with_two_headers_is_read(tmp_path: Path) -> None:
+    """Such a file makes words of all numbers of a data frame."""
+    columns = {"Time [s]": np.arange(12.0), "Angle z [deg]": 3.0 * ANGLE, "Torque z [N mm]": ANGLE}
+    cells = {name: [*map(str, own)] for name, own in columns.items()}
+    twice = {name: [*own[:6], name, *own[6:]] for name, own in cells.items()}
+    imported = import_log(twice)
+    assert "1 line(s) are the header again and were left out" in str(imported)
+    np.testing.assert_array_equal(imported.table["tau_z_Nm"], 1e-3 * ANGLE)
+    commas = {name: [cell.replace(".", ",") for cell in own] for name, own in twice.items()}
+    with pytest.raises(ecm.InputError, match=r"Torque z \[N mm\]: text, as '"):
+        import_log(commas)
+
+
 def test_rows_left_out_hold_no_zeros_that_somebody_may_take_back(tmp_path: Path) -> None:
     log = {**JOINT, "theta_z_rad": np.r_[np.nan, ANGLE[1:]]}
     import_log(log, leave_out=True).write(tmp_path / "t.csv")

@@ -238,10 +238,10 @@ class RegulatorLag(_OfActuator):
     id = "regulator_lag"
     physics = "The pressure follows what was asked for with a time constant: tubes and a valve."
     parameters = (Parameter("share", "1", 0.05),)
-    """Less than 0 without a time: of a gauge that comes late what acts is ahead."""
+    """Less than 0 without a time: of a gauge that lags what acts is ahead."""
     signature = (
         "follows the last change of pressure and dies out with the time since then; a share below "
-        "0 is that of a gauge that comes late"
+        "0 is that of a gauge that lags"
     )
     requires = (*_PRESSURES, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows at different times after a change of pressure"

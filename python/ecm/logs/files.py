@@ -24,7 +24,15 @@ from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress, tell_part
 from ecm.io.extras import read_parquet, readable, require
 from ecm.io.settings import OTHER_FILES
-from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, numbers_in_words, unique_names
+from ecm.logs.log import (
+    HEADERS_AGAIN,
+    Log,
+    Stream,
+    join_streams,
+    log_of_arrays,
+    numbers_in_words,
+    unique_names,
+)
 from ecm.logs.names import Answer, Question, find_unit
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
@@ -140,7 +148,7 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
         del columns[names[0]]
         notes.append("the first column has no name and counts the rows: it was left aside")
     if again:
-        notes.append(f"{again} line(s) are the header again and were left out")
+        notes.append(f"{again} {HEADERS_AGAIN}")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
     return Log(columns, text, units, tuple(notes), epochs)

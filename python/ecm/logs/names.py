@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shortened
 from ecm.io import columns
 from ecm.io.columns import POSE, WRENCH, Unit, is_other_unit, is_standard
 from ecm.io.settings import closest
@@ -592,8 +592,9 @@ def _extents(log: Log) -> list[tuple[str, str, str]]:
 
 
 def ranges(log: Log) -> str:
-    """The first columns with their smallest and largest number, a line each."""
+    """The first columns with their smallest and largest number or first word, a line each."""
     lines = [f"  {name}: {low} to {high}" for name, low, high in _extents(log)]
+    lines += [f"  {name}: text, as '{shortened(str(own[0]))}'" for name, own in log.text.items()]
     return "\n".join(lines[:_MOST_LINES]) + ("\n  ..." if len(lines) > _MOST_LINES else "")
 
 
