@@ -119,7 +119,7 @@ def _shortened(names: Sequence[str]) -> tuple[str, ...]:
 def _needed_by(names: Sequence[str]) -> str:
     """Return the effects whose words name one of the columns."""
     if set(names) <= {*POSE, *WRENCH}:
-        return "all; those outside the next table need all twelve"
+        return "all; those outside the next table, and not of pressures, need all twelve"
     sought = [re.compile(rf"(?<!\w){name}(?!\w)") for name in names]
     if names[0].startswith("v_"):
         sought.append(re.compile(r"v_ columns"))

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import ecm
 from ecm.designs import (
     Design,
     DesignSettings,
@@ -278,6 +279,19 @@ def test_knee_of_a_hyperbola_and_of_a_line() -> None:
 
 
 # --- plans ------------------------------------------------------------------------
+
+
+def test_a_length_and_a_pressure_are_designed_for_a_polynomial() -> None:
+    random = np.random.default_rng(4)
+    columns = {"x_m": random.uniform(0.05, 0.07, 60), "pressure_1_Pa": random.uniform(0, 6e4, 60)}
+    table = ecm.as_table(columns | {"fx_N": random.standard_normal(60)})
+    planned = ecm.design(table, 12, iterations=5)
+    assert planned.model == "cubic"
+    assert len(planned.plan) == 12
+    with pytest.raises(InputError, match="actuated4 needs all six pose columns, found x_m, press"):
+        ecm.design(table, 12, model="actuated4")
+    with pytest.raises(InputError, match="preset diagnosable goes from home"):
+        ecm.design(table, 12, preset="diagnosable")
 
 
 def test_columns_of_the_candidates_are_copied() -> None:

@@ -130,8 +130,10 @@ def test_check_and_compare_agree_on_where_the_noise_comes_from(
 
 
 def test_units_and_spans_of_the_columns() -> None:
-    found = check(as_table(neck_columns() | {"humidity": np.full(60, 40.0)}))
+    more = {"humidity": np.full(60, 40.0), "pressure_1_Pa": np.linspace(0.0, 1e4, 60)}
+    found = check(as_table(neck_columns() | more))
     columns = {column.name: column for column in found.columns}
+    assert columns["pressure_1_Pa"].unit == "Pa"
     assert columns["tau_x_Nm"].unit == "N m"
     assert columns["theta_x_rad"].unit == "rad"
     assert columns["x_m"].role == "pose"

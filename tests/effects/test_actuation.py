@@ -110,6 +110,23 @@ def test_a_wall_that_slips_turns_over_along_its_reach() -> None:
     np.testing.assert_allclose(change, np.array([[-1.0], [-0.5], [1.0]]) * np.ones(3))
 
 
+def test_what_is_left_of_all_changes_is_to_come() -> None:
+    """A valve of first order, read soon after each of three changes."""
+    tau, step, table = 2.0, 1.0, arm_table().select(np.arange(3)).drop("volume_1_m3")
+    pressures = np.array([4.0, 8.0, 2.0]) * 1e3
+    columns = {"time_s": step * np.arange(3.0)} | dict.fromkeys(PRESSURES, pressures)
+    rows = Rows(table.with_columns(columns), arm_model().base)
+    lag = RegulatorLag(tau_s=tau)
+    change = lag.change(rows, rows.table.matrix(PRESSURES))[:, 0]
+    acts = [4e3]
+    for pressure in pressures[1:]:
+        acts.append(pressure + (acts[-1] - pressure) * np.exp(-step / tau))
+    np.testing.assert_allclose(change, acts - pressures)
+    assert lag.way(rows, np.ones(1)) == "all alike"
+    words = RegulatorLag(PRESSURES[1]).way(rows, -np.ones(1))
+    assert words == f"in {PRESSURES[1]}; the gauge lags behind the pressure that acts"
+
+
 @pytest.mark.parametrize("of", [PressureGain, PressureHysteresis, RegulatorLag, TendonStretch])
 def test_what_one_actuator_does_is_fitted_to_that_one(of: type[Any]) -> None:
     """As `ecm diagnose` adds what it named: the shape is known, and its actuator with it."""

@@ -161,6 +161,13 @@ def test_a_standard_name_with_another_unit_is_refused_with_the_likely_one(
     assert f"column '{own}' looks like '{likely}'" in refusal(path)
 
 
+def test_a_column_of_whole_numbers_in_capitals_is_not_asked_for_a_unit(tmp_path: Path) -> None:
+    said = refusal(saved(tmp_path / "data.csv", "Run,covariate\n1.0,2.0\n"))
+    assert (
+        "column 'Run' looks like 'run', which is written so, without a unit: call it that" in said
+    )
+
+
 @pytest.mark.parametrize("own", ["load_x", "humidity", "force_plate", "x0", "batch", *STANDARD])
 def test_other_names_are_left_alone(own: str) -> None:
     assert likely_name(own) is None

@@ -89,6 +89,44 @@ def test_an_own_column_with_gaps_costs_no_rows_and_bad_cells_are_named() -> None
         import_log({**JOINT, "junk": gaps}, columns={"junk": "junk"})
 
 
+def test_a_pressure_without_a_number_is_told_with_the_map_that_keeps_it() -> None:
+    log = {**JOINT, "Chamber pressure [bar]": np.where(np.arange(12) == 5, np.nan, ANGLE)}
+    said = str(import_log(log))
+    assert "--map 'pressure_1_Pa=Chamber pressure [bar]'" in said
+    assert "--map 'chamber_pressure__bar=Chamber pressure [bar]' keeps it" in said
+    columns = {"pressure_1_Pa": "Chamber pressure [bar]"}
+    table = import_log(log, columns=columns, leave_out=True).table
+    assert len(table) == 11
+    assert table["pressure_1_Pa"][1] == pytest.approx(1e5 * ANGLE[1])
+    assert "without a number" not in str(
+        import_log({**JOINT, "P1 [bar]": ANGLE, "Air [mbar]": ANGLE})
+    )
+
+
+def test_a_header_that_comes_again_is_no_row_and_no_value(tmp_path: Path) -> None:
+    head = "Run;Specimen;Time [s];Angle z [deg];Torque z [N mm]"
+    rows = [f"{1 + i // 6};{'AB'[i // 6]};{i}.5;{3 * i};{20 * i}" for i in range(12)]
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows[:6], head, *rows[6:]]))
+    imported = import_log(tmp_path / "log.csv", group="Specimen")
+    assert len(imported.table) == 12
+    assert imported.table["run"].tolist() == [1.0] * 6 + [2.0] * 6
+    assert "1 line(s) are the header again and were left out" in str(imported)
+    assert "words of 'Specimen' as numbers: A = 0, B = 1\n" in f"{imported}\n"
+
+
+def test_a_data_frame_of_a_file_with_two_headers_is_read(tmp_path: Path) -> None:
+    """Such a file makes words of all numbers of a data frame."""
+    columns = {"Time [s]": np.arange(12.0), "Angle z [deg]": 3.0 * ANGLE, "Torque z [N mm]": ANGLE}
+    cells = {name: [*map(str, own)] for name, own in columns.items()}
+    twice = {name: [*own[:6], name, *own[6:]] for name, own in cells.items()}
+    imported = import_log(twice)
+    assert "1 line(s) are the header again and were left out" in str(imported)
+    np.testing.assert_array_equal(imported.table["tau_z_Nm"], 1e-3 * ANGLE)
+    commas = {name: [cell.replace(".", ",") for cell in own] for name, own in twice.items()}
+    with pytest.raises(ecm.InputError, match=r"Torque z \[N mm\]: text, as '"):
+        import_log(commas)
+
+
 def test_rows_left_out_hold_no_zeros_that_somebody_may_take_back(tmp_path: Path) -> None:
     log = {**JOINT, "theta_z_rad": np.r_[np.nan, ANGLE[1:]]}
     import_log(log, leave_out=True).write(tmp_path / "t.csv")

@@ -499,6 +499,7 @@ def test_a_wrong_pressure_is_named(
     assert [item.id for item in found.effects] == [name]
     assert found.effects[0].effect.shape["actuator"] == actuator
     assert found.effects[0].values[0] == pytest.approx(size, rel=0.1)
+    assert f"; in {actuator})" in found.summary().missing
 
 
 def test_effects_of_actuators_are_listed_where_there_are_some(table: Table) -> None:

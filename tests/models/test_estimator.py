@@ -49,6 +49,12 @@ def test_what_is_worse_than_the_mean_on_held_out_rows_is_refused_as_by_the_comma
     assert fit_model(tmp_path / "few.csv", "linear").name == "poly:1"
 
 
+def test_choose_is_no_model_and_names_what_chooses() -> None:
+    columns = {"x_m": np.linspace(-0.01, 0.01, 20), "fx_N": np.linspace(-20.0, 20.0, 20)}
+    with pytest.raises(InputError, match="choose_model"):
+        fit_model(Table(columns), "choose")
+
+
 def test_scikit_learn_clones_validates_and_searches() -> None:
     missing = "scikit-learn is not installed (extra learn)"
     base = pytest.importorskip("sklearn.base", reason=missing)

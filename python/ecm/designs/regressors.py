@@ -437,6 +437,11 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
     ratio.
     """
     model, length_m = settings.model, settings.length_m
+    if settings.columns[: len(POSE)] != POSE:
+        raise InputError(
+            f"a design for {model} needs all six pose columns, found "
+            f"{', '.join(settings.columns)}: take a polynomial, as --model cubic"
+        )
     if model == "physics":
         return np.asarray(
             _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))

@@ -57,7 +57,7 @@ from ecm.regression.normal_equations import (
     in_threads,
     projected_out,
 )
-from ecm.regression.rows import UnknownLength, actuators_of, is_whole
+from ecm.regression.rows import UnknownLength, actuators_of, driven_by, is_whole
 
 ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
@@ -293,7 +293,8 @@ def _not_absorbed(
     elif actuators_of(base):
         record = "a test of its own: an energy of pose and inputs takes it in"
     elif not is_whole(base):
-        record = "the same poses again, in another order and at another speed"
+        again = "the same poses again, in another order and at another speed"
+        record = f"{again}; or a gauge of known zero and gain" if driven_by(base) else again
     kept: list[ScoreColumns] = []
     rest: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}

@@ -160,7 +160,8 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
     """The same against the base."""
     likely = f"; probability {min(document['probability'], 0.99):.2f}"  # never 1: nothing shows it
     if document["verdict"] in ("named", "ambiguous"):
-        sizes = {item["id"]: _sized(item) for item in document["effects"]}
+        ways = document.get("directions") or {}
+        sizes = {item["id"]: _sized(item, ways.get(item["id"])) for item in document["effects"]}
         causes = [
             f"{' or '.join(members)} (these data cannot tell them apart)"
             if len(members) > 1
@@ -238,8 +239,8 @@ def _untested(document: Mapping[str, Any]) -> str:
     return f"; not testable here: {len(ids)} effects ({some})"
 
 
-def _sized(item: Mapping[str, Any]) -> str:
-    """An effect, what it is, its best determined parameter, and the times of its shape."""
+def _sized(item: Mapping[str, Any], way: str | None = None) -> str:
+    """An effect, what it is and its way, its best determined parameter, the times of its shape."""
     shape = item.get("shape", {})
     what = with_shape(item["id"], shape).physics.split(":")[0].rstrip(".")
     name, fitted = max(
@@ -252,7 +253,7 @@ def _sized(item: Mapping[str, Any]) -> str:
         for key, value in shape.items()
         if key.endswith("_s") and 0.0 < value < np.inf
     ]
-    return f"{item['id']} ({words}), {name} {size}{''.join(times)}"
+    return f"{item['id']} ({'; '.join(filter(None, [words, way]))}), {name} {size}{''.join(times)}"
 
 
 def _too_few(document: Mapping[str, Any]) -> bool:

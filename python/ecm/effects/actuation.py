@@ -7,7 +7,7 @@ the actuator, or all of its kind alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,17 +22,17 @@ from ecm.effects.protocol import (
     needs_columns,
     needs_full,
 )
-from ecm.effects.relaxation import play, time_constants
+from ecm.effects.relaxation import fading, play, time_constants
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.history import before_each, order_of_visits, row_before, values_before
-from ecm.regression.rows import Rows, actuators_of
+from ecm.regression.rows import Rows, driven_by
 
 ALL = "all"
 _MOST_ABSORBED = 0.98
 """Share that a base may take in. An energy whose actuators are alike takes in most of what one of
 them does wrong, and never all: what stays would be named as something else that bends a body."""
-_REACHES, _LONGEST = (0.1, 0.3), 0.5
+_REACHES, _LONGEST = (0.03, 0.1, 0.3), 0.5
 """Changes at which the hysteresis of a pressure slips, over the largest pressure. What never slips
 is a gain."""
 
@@ -50,7 +50,8 @@ def _needs(kind: str) -> Callable[[Table], Missing | None]:
 
 
 _needs_pressures, _needs_tensions = _needs("pressure"), _needs("tension")
-_PRESSURES: tuple[Need, ...] = (needs_full, _needs_pressures)
+_PRESSURES: tuple[Need, ...] = (_needs_pressures,)
+"""No more of the pose than the base takes: a polynomial of few columns has a slope G, too."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ class _OfActuator(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """G times the change."""
-        names = actuators_of(rows.base)
+        names = driven_by(rows.base)
         if not names:
-            return np.zeros((len(rows), 6, 1))
+            return np.zeros((len(rows), len(rows.base.outputs), 1))
         change = self.change(rows, rows.table.matrix(names))
         change = change * [name in self._concerned(names) for name in names]
         return np.asarray(rows.actuation_jacobian @ np.nan_to_num(change)[:, :, None])
@@ -92,6 +93,12 @@ class _OfActuator(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All actuators of its kind alike, then each."""
         return (self, *(type(self)(name) for name in self._each(table)[1:]))
+
+    def way(self, rows: Rows, values: F) -> str:
+        """In which of several actuators."""
+        if len(driven_by(rows.base)) < 2:
+            return ""
+        return "all alike" if self.actuator == ALL else f"in {self.actuator}"
 
 
 class PressureOffset(_OfActuator):
@@ -145,7 +152,7 @@ class PressureCrossTalk(_OfActuator):
 
     def change(self, rows: Rows, inputs: F) -> F:
         """The mean of the other pressures."""
-        own = np.array([name.startswith(self.acts_on) for name in actuators_of(rows.base)])
+        own = np.array([name.startswith(self.acts_on) for name in driven_by(rows.base)])
         others = (inputs * own).sum(axis=1, keepdims=True) - inputs
         return np.asarray(others / max(own.sum() - 1, 1))
 
@@ -165,7 +172,7 @@ class PressureHysteresis(_OfActuator):
 
     id = "pressure_hysteresis"
     physics = "A chamber that was filled from below acts as at less pressure than one let down."
-    parameters = (Parameter("pressure", "Pa", 100.0),)
+    parameters = (Parameter("pressure", "Pa", 100.0, lower=0.0),)
     signature = "changes its sign with the direction of the last change of pressure"
     requires = (*_PRESSURES, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows whose pressure comes from below and from above"
@@ -220,30 +227,52 @@ class ChamberLeak(_OfActuator):
 class RegulatorLag(_OfActuator):
     """-G s (a - a_before) exp(-t / tau): a part of the last change is to come, t after it.
 
+    What is left then of the changes before the last one is still to come as well.
+
     Parameters: share: share of the last change that is still to come just after it.
     """
 
     tau_s: float = 0.0
-    """Time constant; 0: the same part of each change, whatever the time."""
+    """Time constant; 0: the same part of the last change, whatever the time."""
 
     id = "regulator_lag"
     physics = "The pressure follows what was asked for with a time constant: tubes and a valve."
     parameters = (Parameter("share", "1", 0.05),)
-    signature = "follows the last change of pressure and dies out with the time since then"
+    """Less than 0 without a time: of a gauge that lags what acts is ahead."""
+    signature = (
+        "follows the last change of pressure and dies out with the time since then; a share below "
+        "0 is that of a gauge that lags"
+    )
     requires = (*_PRESSURES, needs_columns("time_s"))
     needs = "pressure_1_Pa and time_s, and rows at different times after a change of pressure"
 
-    def change(self, rows: Rows, inputs: F) -> F:
-        """Minus the last change, times what is left of it."""
-        change = -np.nan_to_num(inputs - _before(rows, inputs))
+    def __post_init__(self) -> None:
         if self.tau_s > 0.0:
-            change = change * np.exp(-_since_change_s(rows.table) / self.tau_s)[:, None]
-        return np.asarray(change)
+            share = replace(self.parameters[0], lower=0.0)
+            object.__setattr__(self, "parameters", (share,))
+
+    def change(self, rows: Rows, inputs: F) -> F:
+        """Minus what is left of the last change; without `approach` of those before it, too."""
+        change = -np.nan_to_num(inputs - _before(rows, inputs))
+        if self.tau_s == 0.0:
+            return change
+        left: F = change * np.exp(-_since_change_s(rows.table) / self.tau_s)[:, None]
+        if rows.table.has("approach"):  # the row before in time is not where it came from
+            return left
+        for order in order_of_visits(rows.table):
+            fades = np.exp(-np.diff(rows.table.column("time_s")[order]) / self.tau_s)
+            left[order] = fading(fades, left[order[1:]], left[order[0]])
+        return left
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Without a time, then with some time constants, of all actuators and of each."""
         times = (0.0, *time_constants(table)[::3]) if table.has("time_s") else (0.0,)
         return tuple(RegulatorLag(name, tau) for name in self._each(table) for tau in times)
+
+    def way(self, rows: Rows, values: F) -> str:
+        """Which, and where the share is below 0: what was recorded comes after what acts."""
+        late = "the gauge lags behind the pressure that acts" if values[0] < 0.0 else ""
+        return "; ".join(filter(None, [super().way(rows, values), late]))
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants on both sides."""
@@ -264,7 +293,7 @@ def _before(rows: Rows, inputs: F) -> F:
 
     At the rest pose, `initial`, nothing acts.
     """
-    names = actuators_of(rows.base)
+    names = driven_by(rows.base)
     before = values_before(rows.table, names, np.zeros(len(names)))
     return np.where(np.isfinite(before), before, inputs)
 

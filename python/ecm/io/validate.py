@@ -108,6 +108,11 @@ def _mapping(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, Col
                 f"has a column '{name}' of its own. Rename one of them."
             )
         likely = likely_name(name)
+        if likely in (*WHOLE, *TEXT):
+            raise InputError(
+                f"{source}: column '{name}' looks like '{likely}', which is written so, without a "
+                f'unit: call it that, or give {likely} = {{ column = "{name}" }} in [columns].'
+            )
         if likely is not None:
             raise InputError(
                 f"{source}: column '{name}' looks like '{likely}' without its unit or with another "

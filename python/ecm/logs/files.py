@@ -24,7 +24,15 @@ from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
 from ecm.io.events import Progress, tell_part
 from ecm.io.extras import read_parquet, readable, require
 from ecm.io.settings import OTHER_FILES
-from ecm.logs.log import Log, Stream, join_streams, log_of_arrays, numbers_in_words, unique_names
+from ecm.logs.log import (
+    HEADERS_AGAIN,
+    Log,
+    Stream,
+    join_streams,
+    log_of_arrays,
+    numbers_in_words,
+    unique_names,
+)
 from ecm.logs.names import Answer, Question, find_unit
 
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
@@ -114,6 +122,12 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
     remarks = any(ends_with_remark(split(line, sign), width) for line in kept[:begin])
     above = [of_width(split(line, sign), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, sign, width)
+    heads = {
+        line for line in kept[:begin] if not any(is_number(c, True) for c in split(line, sign))
+    }
+    again = len(kept)
+    kept[begin:] = [line for line in kept[begin:] if line not in heads]
+    again -= len(kept)
 
     def told(rows: int) -> None:
         tell_part(progress, rows, len(kept) - begin)
@@ -133,6 +147,8 @@ def read_text_log(path: Path, progress: Progress | None = None) -> Log:
     if above and _counts_rows(above[-1], names, columns):
         del columns[names[0]]
         notes.append("the first column has no name and counts the rows: it was left aside")
+    if again:
+        notes.append(f"{again} {HEADERS_AGAIN}")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
     return Log(columns, text, units, tuple(notes), epochs)

@@ -55,7 +55,7 @@ from ecm.logs.sources import (
 from ecm.report.blocks import Block, Cell, FigureBlock, Report, Section, TableBlock, TextBlock
 from ecm.report.figures import lines, mechanism_blocks
 
-_LEFT_OUT = Remedy("leave them out with --leave-out, which records it")
+_LEFT_OUT = Remedy("leave them out with --leave-out (leave_out=True in Python), which records it")
 _EXPERIMENTS = {"experiment", "specimen", "sample", "trial", "subject", "test", "repetition"}
 """Words in names of columns that tell experiments apart."""
 _MOST_WORDS = 8

@@ -77,6 +77,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     are left aside and noted. InputError where nothing has rows.
     """
     parts = {name: _array(name, value, source) for name, value in arrays.items()}
+    parts, again = _without_headers(parts)
     rows = _row_count(list(parts.values()))
     if rows is None:
         raise InputError(
@@ -109,12 +110,30 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
                 columns[".".join([name, *map(str, index)])] = part
         else:
             aside.append(name)
-    notes: tuple[str, ...] = ()
+    notes: list[str] = [f"{again} {HEADERS_AGAIN}"] if again else []
     if aside:
         shown = ", ".join(aside[:8]) + (", ..." if len(aside) > 8 else "")
-        notes = (f"left aside, because they have not {rows} rows of numbers: {shown}",)
+        notes.append(f"left aside, because they have not {rows} rows of numbers: {shown}")
     stated = {name: unit for name, unit in units.items() if unit}
-    return Log(columns, text, stated, notes, epochs)
+    return Log(columns, text, stated, tuple(notes), epochs)
+
+
+HEADERS_AGAIN = "line(s) are the header again and were left out"
+
+
+def _without_headers(parts: dict[str, NDArray[Any]]) -> tuple[dict[str, NDArray[Any]], int]:
+    """The arrays without rows in which each column of words holds its own name, and their number.
+
+    A file that was appended to has such rows, and they make words of its numbers.
+    """
+    words = {name: own for name, own in parts.items() if own.dtype.kind in "OUS" and own.ndim == 1}
+    if len(words) < 2 or len({len(own) for own in words.values()}) > 1:
+        return parts, 0
+    again = np.all([own.astype(str) == name for name, own in words.items()], axis=0)
+    if not again.any():
+        return parts, 0
+    kept = {n: own[~again] if own.shape[:1] == again.shape else own for n, own in parts.items()}
+    return kept, int(again.sum())
 
 
 def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.columns import POSE, WRENCH, Unit, is_standard, likely_name
+from ecm.io.columns import (
+    POSE,
+    WRENCH,
+    Unit,
+    actuation_columns,
+    is_standard,
+    likely_name,
+)
 from ecm.logs.log import Log, unique_names
 from ecm.logs.names import (
     ABOUT,
@@ -18,6 +26,7 @@ from ecm.logs.names import (
     Guess,
     Named,
     Question,
+    find_unit,
     is_no_reading,
     missing,
     named_as,
@@ -226,6 +235,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
         )
     within = tuple(f"{one}." for one in others)
     left = [name for name in named if name not in used and not name.startswith(within)]
+    notes += _unnumbered_pressures(left, named, found)
     own_names = unique_names(map(_own_name, left), taken=found)
     known = {*found, *used, *(POSE[3:] if rotation is not None else ())}
     return ColumnMap(
@@ -235,6 +245,21 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
         tuple(notes),
         missing(log, named, known),
     )
+
+
+def _unnumbered_pressures(
+    left: Sequence[str], named: Mapping[str, Named], found: Mapping[str, Source]
+) -> list[str]:
+    """What to say of pressures without a number: of a chamber, of the air, of a supply?"""
+    if actuation_columns(found):
+        return []
+    stated = {name: find_unit(own.unit.word) for name in left if (own := named[name]).unit}
+    pressures = [name for name, unit in stated.items() if unit and unit.dimension == "pressure"]
+    return [
+        f"column '{name}' is a pressure without a number: of the chamber that "
+        f"drives the body it is --map {shlex.quote(f'pressure_1_Pa={name}')}"
+        for name in pressures
+    ]
 
 
 def _twins(log: Log, found: Mapping[str, Source]) -> tuple[str, list[str]]:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ecm.errors import InputError
+from ecm.errors import InputError, shortened
 from ecm.io import columns
 from ecm.io.columns import POSE, WRENCH, Unit, is_other_unit, is_standard
 from ecm.io.settings import closest
@@ -205,6 +205,8 @@ _ACTUATOR = re.compile(
 )
 """The pressure of a chamber, or the tension of a tendon, with its number and unit."""
 _PRESSURE = ("pressure", "pressure", "Pa")
+_COUNTS = ("pose_id", "run", "repeat")
+"""Standard columns of whole numbers without a unit, which other programs write in capitals."""
 
 
 def find_unit(word: str) -> Unit | None:
@@ -306,8 +308,8 @@ def read_name(name: str, unit_word: str = "") -> Named:
     ['position', 'torque']
     >>> read_name("Force X (V)").guesses, read_name("Force X limit").guesses
     ((), ())
-    >>> read_name("P1 [kPa]").guesses[0].part
-    'pressure_1_Pa'
+    >>> read_name("P1 [kPa]").guesses[0].part, read_name("Run").guesses[0].part
+    ('pressure_1_Pa', 'run')
     """
     if (sure := _sure(name, unit_word)) is not None:
         return sure
@@ -363,6 +365,9 @@ def _sure(name: str, unit_word: str) -> Named | None:
     """What a name of this project means, and a numbered pressure or tension with its unit."""
     if is_standard(name):
         return Named((Guess("standard", name),))
+    bare = "_".join(_tokens(name))
+    if bare in _COUNTS:
+        return Named((Guess("standard", bare),))
     found = _ACTUATOR.fullmatch(f"{name} {unit_word}".strip().lower())
     unit = None if found is None else find_unit(found["unit"])
     if found is None or unit is None:
@@ -602,8 +607,9 @@ def _extents(log: Log) -> list[tuple[str, str, str]]:
 
 
 def ranges(log: Log) -> str:
-    """The first columns with their smallest and largest number, a line each."""
+    """The first columns with their smallest and largest number or first word, a line each."""
     lines = [f"  {name}: {low} to {high}" for name, low, high in _extents(log)]
+    lines += [f"  {name}: text, as '{shortened(str(own[0]))}'" for name, own in log.text.items()]
     return "\n".join(lines[:_MOST_LINES]) + ("\n  ..." if len(lines) > _MOST_LINES else "")
 
 

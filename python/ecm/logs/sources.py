@@ -54,6 +54,8 @@ COUNT = {
     "grood-suntay-right": 3, "grood-suntay-left": 3,
 }  # fmt: skip
 """Number of columns of each word; sequences of Euler angles have three."""
+KEPT = ", kept as it is"
+"""After the column of the log that is one of the user's own in the table."""
 _NORM = 1e-3
 """Quaternions and matrices that are farther from unit size are said."""
 _UNUSABLE = 0.5
@@ -437,7 +439,7 @@ def standard_columns(
         words |= dict.fromkeys(POSE[3:], f"rotation vector: {mapped.rotation}")
         notes += [note] if note else []
     for column, name in mapped.own.items():
-        found[name], words[name] = log.columns[column], f"{column}, kept as it is"
+        found[name], words[name] = log.columns[column], f"{column}{KEPT}"
     for name in log.text:
         notes.append(f"column '{name}' is text and was left aside")
     if not any(name in found for name in (*POSE, *WRENCH)):
@@ -537,10 +539,12 @@ def drop_columns_with_gaps(
     for name in [name for name in table if name not in wanted and name not in MAY_BE_EMPTY]:
         gaps = int((full & ~holds_numbers({name: table[name]})).sum())
         if gaps:
+            column = words[name].removesuffix(KEPT)
             del table[name], words[name]
+            named = shlex.quote(f"{name}={column}")
             notes.append(
-                f"column '{name}' has no number in {gaps} rows and was left aside; "
-                f"--map {name}=COLUMN keeps it"
+                f"column '{column}' has no number in {gaps} rows and was left aside; "
+                f"--map {named} keeps it, and leaves these rows out"
             )
     return notes
 

@@ -36,7 +36,7 @@ from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock
 _COLUMNS, _TESTABLE, _REPEATS, _SUSPECT = (
     "columns", "testable effects", "repeats", "rows that are no measurements",
 )  # fmt: skip
-_UNITS = ("degC", "Nm", "rad", "N", "m", "s")
+_UNITS = ("degC", "Nm", "rad", "N", "m", "s", "Pa", "m3")
 
 
 @dataclass(frozen=True)

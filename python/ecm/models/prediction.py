@@ -22,7 +22,7 @@ from ecm.models.maps import StiffnessKind
 from ecm.models.measured_poses import beyond_inputs
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.regression.rows import actuators_of, inputs_of
+from ecm.regression.rows import actuators_of, driven_by, inputs_of
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ def _beside_fem(model: Model, poses: F) -> tuple[PhysicsMap, F, F] | None:
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
-    actuators = actuators_of(model.base)
-    short = {name: name.rsplit("_", 1)[0] for name in (*model.inputs, *actuators, *model.outputs)}
+    driven = driven_by(model.base)
+    short = {name: name.rsplit("_", 1)[0] for name in (*model.inputs, *driven, *model.outputs)}
 
     def named(letter: str, matrix: F, inputs: Sequence[str]) -> dict[str, F]:
         return {
@@ -220,11 +220,13 @@ def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str,
             for j, moved in enumerate(inputs)
         }
 
-    columns = named("k", model.stiffness(poses, kind), model.inputs)
+    stiffness = model.stiffness(poses, kind)
+    columns = named("k", stiffness, model.inputs)
     of_pose = {name: columns[name] for name in STIFFNESS if name in columns}
-    if not actuators:
-        return of_pose
-    return of_pose | named("g", model.actuated.actuation_jacobian(poses), actuators)
+    if actuators_of(model.base):
+        return of_pose | named("g", model.actuated.actuation_jacobian(poses), driven)
+    places = [model.inputs.index(name) for name in driven]
+    return of_pose | named("g", stiffness[:, :, places], driven)
 
 
 def beyond_reach(model: Model, poses: F) -> list[str]:

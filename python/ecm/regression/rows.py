@@ -225,6 +225,19 @@ def actuators_of(base: Any) -> tuple[str, ...]:
     return tuple(getattr(base, "actuators", ()))
 
 
+def driven_by(base: Any) -> tuple[str, ...]:
+    """Columns of actuators that a map takes: after the pose, or among its inputs as a polynomial.
+
+    Examples
+    --------
+    >>> from ecm import as_table, fit_model
+    >>> rows = {"x_m": [0.0, 0.1, 0.2], "pressure_1_Pa": [0.0, 2e5, 1e5], "fx_N": [0.0, 1.0, 2.0]}
+    >>> driven_by(fit_model(as_table(rows), "linear").base)
+    ('pressure_1_Pa',)
+    """
+    return actuators_of(base) or tuple(name for name in base.inputs if name not in POSE)
+
+
 def taken_by(base: Any) -> tuple[str, ...]:
     """Columns that a map takes: of the pose, and after them those of its actuators."""
     return (*base.inputs, *actuators_of(base))
@@ -574,9 +587,11 @@ class Rows:
 
     @cached_property
     def actuation_jacobian(self) -> F:
-        """(N, m, a) G = dh/da of a base with actuators, at the measured poses and inputs."""
+        """(N, m, a) G = dh/da of a base that is `driven_by` a inputs, at those of each row."""
         base: Any = self.base
         actuators = len(actuators_of(base))
+        if not actuators:
+            return np.ascontiguousarray(self.stiffness[:, :, ~self.of_pose])
         return self.where_loaded(base.actuation_jacobian, self.poses, len(base.outputs), actuators)
 
     @cached_property

@@ -378,11 +378,17 @@ def design(
         raise InputError(
             "--effects: needs --preset diagnosable, whose protocol tells effects apart; add it"
         )
+    driven, six = candidates.actuation_columns, candidates.pose_columns == POSE
+    if preset == "diagnosable" and not six:
+        raise InputError(
+            f"{candidates.source}: --preset diagnosable goes from home and from the other side: it "
+            f"needs all six pose columns, found {', '.join(candidates.pose_columns) or 'none'}; "
+            "--preset paper takes any"
+        )
     console = console or Silent()
     # Free polynomials absorb the effects.
     check_type("model", search.get("model"), str | None)
-    driven = candidates.actuation_columns
-    usual = "actuated4" if driven else "energy4" if effects else "cubic"
+    usual = "actuated4" if driven and six else "energy4" if effects else "cubic"
     model = search.pop("model", None) or usual
     threads, seed = search.get("threads", 0), search.get("seed", 0)
     weighted = base is not None or rig is not None or model == "physics" or bool(effects)
@@ -397,7 +403,7 @@ def design(
             threads=threads,
             progress=console.progress("physics base") if physics else None,
         )
-    elif preset == "diagnosable" or driven:
+    elif six and (preset == "diagnosable" or driven):
         nominal = _free_nominal(candidates, threads, console)
     names = (*candidates.pose_columns, *driven)
     poses = candidates.matrix(names)
