@@ -11,7 +11,7 @@ import pytest
 from ecm.errors import ComputationError, InputError
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, fit_model
+from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, choose_model, fit_model
 from support.campaigns import workspace_poses
 from support.neck import Done, columns_of
 from support.stand_in import L, wrench
@@ -49,10 +49,10 @@ def test_what_is_worse_than_the_mean_on_held_out_rows_is_refused_as_by_the_comma
     assert fit_model(tmp_path / "few.csv", "linear").name == "poly:1"
 
 
-def test_choose_is_no_model_and_names_what_chooses() -> None:
-    columns = {"x_m": np.linspace(-0.01, 0.01, 20), "fx_N": np.linspace(-20.0, 20.0, 20)}
-    with pytest.raises(InputError, match="choose_model"):
-        fit_model(Table(columns), "choose")
+def test_choose_fits_the_model_that_held_out_rows_choose() -> None:
+    x = np.linspace(-0.01, 0.01, 20)
+    table = Table({"x_m": x, "fx_N": 2e3 * x + 1e7 * x**3})
+    assert fit_model(table, "choose").name == choose_model(table).best.name != "poly:1"
 
 
 def test_scikit_learn_clones_validates_and_searches() -> None:

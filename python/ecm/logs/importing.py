@@ -232,7 +232,8 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     time_notes, epoch_s = begin_time_at_zero(table)
     if "time_s" in mapped.columns:
         epoch_s = epoch_s or raw.epochs.get(mapped.columns["time_s"].column, 0.0)
-    notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns, *given.group})
+    wanted = {*POSE, *mapped.columns, *given.group}
+    notes += drop_columns_with_gaps(table, words, wanted, mapped.own)
     gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
     empty = ", ".join(n for n, values in table.items() if not holds_numbers({n: values}).all())
     if 0 < len(gone) == len(usable):

@@ -54,8 +54,6 @@ COUNT = {
     "grood-suntay-right": 3, "grood-suntay-left": 3,
 }  # fmt: skip
 """Number of columns of each word; sequences of Euler angles have three."""
-KEPT = ", kept as it is"
-"""After the column of the log that is one of the user's own in the table."""
 _NORM = 1e-3
 """Quaternions and matrices that are farther from unit size are said."""
 _UNUSABLE = 0.5
@@ -439,7 +437,7 @@ def standard_columns(
         words |= dict.fromkeys(POSE[3:], f"rotation vector: {mapped.rotation}")
         notes += [note] if note else []
     for column, name in mapped.own.items():
-        found[name], words[name] = log.columns[column], f"{column}{KEPT}"
+        found[name], words[name] = log.columns[column], f"{column}, kept as it is"
     for name in log.text:
         notes.append(f"column '{name}' is text and was left aside")
     if not any(name in found for name in (*POSE, *WRENCH)):
@@ -528,18 +526,22 @@ def begin_time_at_zero(table: dict[str, NDArray[Any]]) -> tuple[list[str], float
 
 
 def drop_columns_with_gaps(
-    table: dict[str, NDArray[Any]], words: dict[str, str], wanted: Collection[str]
+    table: dict[str, NDArray[Any]],
+    words: dict[str, str],
+    wanted: Collection[str],
+    own: Mapping[str, str],
 ) -> list[str]:
     """Take out the user's own columns that are empty in rows which hold everything else.
 
-    A column that nobody asked for must not cost rows.
+    A column that nobody asked for must not cost rows. own: name in the table of each of the log.
     """
+    columns = {name: column for column, name in own.items()}
     full = holds_numbers({name: values for name, values in table.items() if name in wanted})
     notes = []
     for name in [name for name in table if name not in wanted and name not in MAY_BE_EMPTY]:
         gaps = int((full & ~holds_numbers({name: table[name]})).sum())
         if gaps:
-            column = words[name].removesuffix(KEPT)
+            column = columns.get(name, name)
             del table[name], words[name]
             named = shlex.quote(f"{name}={column}")
             notes.append(

@@ -140,10 +140,6 @@ def _specification(model: Any, parameters: Mapping[str, Any] | None) -> ModelSpe
         return FunctionModel(model, parameters_of({} if parameters is None else parameters))
     if parameters is not None:
         raise InputError("parameters belong to a function; an Expression has its own")
-    if model == "choose":
-        raise InputError(
-            "model 'choose': a fit takes one model, and is given the best", remedy=CHOOSE
-        )
     return parse_model(model)
 
 
