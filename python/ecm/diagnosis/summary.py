@@ -210,7 +210,7 @@ def _without_name(document: Mapping[str, Any]) -> str:
     again = _error(model["refitted"]) if model["refitted"] else base
     errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
-    refitted = f"fitted again {again}, " if model["refitted"] else ""
+    refitted = f"fitted again {again}, " if model["refitted"] and again != given else ""
     weak = "has no name" if _errs_far(model) else "is too weak to be named"
     said = {
         "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",

@@ -425,7 +425,7 @@ not passive there (pre-loaded, near buckling, driven)
         if self.mend:
             entries = "\n".join(self.mend)
             words = (
-                "mend the columns in the TOML beside the table:\n"
+                "mend the columns in the TOML beside the table (ecm check --mend writes it):\n"
                 f"[columns]\n{entries}\nThen check it again"
             )
         return InputError(

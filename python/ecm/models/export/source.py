@@ -137,16 +137,17 @@ class Source:
     def need_whole(self, target: str, *, with_actuators: bool = False) -> None:
         """Raise InputError for a model without all six pose and wrench columns, or with more."""
         taken = taken_by(self.inside.base)
+        to_c = f"ecm export MODEL --to c --out OUT --name {self.name}"
         if self.actuators and not with_actuators:
             others = "c, rust or fmu"
             if self.whole:
                 others += ", mujoco, or the model at constant inputs, model.at_actuation([...])"
             raise InputError(
                 f"--to {target} has no inputs for {', '.join(self.actuators)}: export to {others}",
-                remedy=Remedy("export it with its inputs", "ecm export MODEL --to c --out OUT"),
+                remedy=Remedy("export it with its inputs", to_c),
             )
         if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
-            remedy = Remedy("export it to c", "ecm export MODEL --to c --out OUT")
+            remedy = Remedy("export it to c", to_c)
             if lost := time_effects(self.model, "c").lost:  # what c refuses as well
                 remedy = without(list(lost), ", and export it to c")
             raise InputError(
