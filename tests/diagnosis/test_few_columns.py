@@ -24,7 +24,7 @@ from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 
 NAMED = (
     "hysteresis", "backlash", "stress_relaxation", "kink", "higher_degree", "mullins_softening",
-    "temperature_modulus", "fts_offset", "unused_column:slider_mm",
+    "temperature_modulus", "fts_offset", "jump", "unused_column:slider_mm",
 )  # fmt: skip
 
 
@@ -33,6 +33,22 @@ def test_what_is_hidden_is_named(kind: str) -> None:
     table = one_angle(kind)
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.answer == ((kind,),)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameter", "value", "at_s"),
+    [("jump", "tau_z_jump", -0.03, 61.1), ("jump:clamp", "theta_z_jump", 0.01, 41.3)],
+)
+def test_a_jump_is_found_with_its_moment_and_its_size(
+    kind: str, parameter: str, value: float, at_s: float
+) -> None:
+    """A lost preload moves the loads, a clamp that slips the poses: a stiffer spring tells them."""
+    table = one_angle(kind)
+    (found,) = ecm.diagnose(ecm.fit(table, "cubic"), table).effects
+    assert found.id == "jump"
+    assert found.effect.shape["at_s"] == pytest.approx(at_s, abs=1.5)
+    size = found.to_dict()["parameters"][parameter]
+    assert size["value"] == pytest.approx(value, abs=3.0 * size["sd"])
 
 
 def test_an_experiment_comes_before_the_length_of_one_axis() -> None:

@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_025, 202),
+    "python/ecm": (43_069, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_504, 235),
+    "tests": (33_521, 235),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: what a
-pressure does wrong is found in few columns, where nothing was named (60 in the package); frames
-that may be what is wrong, headers that come again, pressures without a number, and refusals whose
-advice errs less (140); a test of each."""
+pressure does wrong and a jump are found in few columns, where nothing or something else was named
+(110 in the package); frames that may be what is wrong, headers that come again, pressures without a
+number, and refusals whose advice errs less (140); a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)

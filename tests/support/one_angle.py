@@ -59,6 +59,10 @@ def one_angle(kind: str, seed: int = 0) -> Table:  # noqa: PLR0912 - one branch 
     elif kind == "fts_offset":
         columns["run"] = (time > 50.0).astype(np.float64)
         torque = torque + 0.03 * columns["run"]
+    elif kind == "jump":
+        torque = torque - 0.03 * (time > 61.1)
+    elif kind == "jump:clamp":
+        torque = spring(np.where(time > 41.3, angle - 0.01, angle))
     elif kind == "unused_column:slider_mm":
         columns["slider_mm"] = np.repeat([0.0, 10.0, 20.0, 5.0], 100)
         torque = torque * (1.0 + 0.004 * columns["slider_mm"])

@@ -7,20 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
+from ecm.effects.pairs import on_output, short, spans
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
     LookAlike,
+    Missing,
     Parameter,
     TimedEffect,
     listed,
     needs_full,
     needs_time,
+    needs_varying,
     optional,
 )
 from ecm.effects.rod import rest_stiffness, rod_strain, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.columns import WRENCH, unit_of
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.history import step_times, times_beside
@@ -159,6 +163,66 @@ class MarkerMotion(TimedEffect):
         return np.asarray(base_twist_columns(rows) * growth[:, None, None])
 
 
+def _needs_one_run(table: Table) -> Missing | None:
+    """Missing where runs may each have a level of their own, as after a new zero or mounting."""
+    if not table.has("run") or len(np.unique(table.column("run"))) == 1:
+        return None
+    return Missing("each run may have a zero of its own", "one run by itself")
+
+
+@dataclass(eq=False)
+class Jump(LinearEffect):
+    """b after t* on each wrench column, or -dh/dp d after t* along each pose column.
+
+    Parameters: *_jump: by how much this column jumps.
+    """
+
+    of: str
+    """Columns that jump, with commas between them: those of the wrench, or those of the pose."""
+    at_s: float
+    """Time of the jump."""
+
+    id = "jump"
+    physics = "At one moment all readings become others and stay: a clamp slips, a preload is lost."
+    outside = LookAlike(
+        "anything that changes once: a moved target, a knocked sensor, another tool",
+        "the first poses again, and marks on clamp and target",
+    )
+    signature = "changes by a constant at one moment, and stays so"
+    needs = "time (time_s), of one run"
+    requires = (needs_varying("time_s", 1.0), _needs_one_run)
+    kind = "time"
+    rivals = {"fts_drift": "return_home", "growing_load": "return_home"}
+
+    def __post_init__(self) -> None:
+        self.parameters = tuple(
+            Parameter(f"{short(name)}_jump", unit_of(name), _JUMPS[unit_of(name)])
+            for name in filter(None, self.of.split(","))
+        )
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A few times, of all loads and of all poses."""
+        moved = ",".join(table.wrench_columns), ",".join(spans(table))
+        return tuple(Jump(of, t) for of in filter(None, moved) for t in step_times(table, STEPS))
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Moments between this one and its neighbours."""
+        return tuple(Jump(self.of, t) for t in times_beside(table, self.at_s, STEPS, round_))
+
+    def columns(self, rows: Rows) -> F:
+        """(N, m, k) one level of each load, or what a shift of each pose column does to them."""
+        after = rows.loaded((rows.time_s() > self.at_s).astype(np.float64))
+        names, inputs = self.of.split(","), rows.base.inputs
+        if names[0] in WRENCH:
+            return np.stack([on_output(rows, name, after) for name in names], axis=2)
+        places = [inputs.index(name) for name in names if name in inputs]
+        slopes = np.zeros((len(rows), len(rows.base.outputs), len(names)))
+        slopes[:, :, [name in inputs for name in names]] = -rows.stiffness[:, :, places]
+        return np.asarray(slopes * after[:, None, None])
+
+
+_JUMPS = {"N": 1.0, "N m": 0.03, "m": 1e-4, "rad": 2e-3}
+"""Ordinary sizes."""
 _ITERATIONS = 5
 
 
@@ -414,3 +478,4 @@ class Debonding(LinearEffect):
 
 
 EFFECTS = (BaseCompliance(), ContactStop(), Debonding(), PlatformSlip(), MarkerMotion())
+FEW = (Jump("", 0.0),)
