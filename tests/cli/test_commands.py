@@ -362,7 +362,8 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
             "hysteresis", "temperature_modulus", "anisotropy"} <= ids  # fmt: skip
     assert all(id in listed.out for id in ids)
     few = listed.out.partition("With fewer than the twelve columns of pose and wrench also:\n")[2]
-    assert few.startswith("jump ") and "\ngrowing_load " in few
+    assert few.startswith("jump ")
+    assert "\ngrowing_load " in few
     needs = "needs: time (time_s), or rows step by step, and motion both ways"
     assert needs in ecm_command("effects", "backlash").out
     one = ecm_command("effects", "hysteresis").good()

@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (43_069, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_521, 235),
+    "tests": (33_523, 235),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: what a
