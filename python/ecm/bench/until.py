@@ -23,7 +23,7 @@ from ecm.diagnosis.agreement import Look, Told, agreed, is_due, look_at
 from ecm.errors import EcmError, InputError
 from ecm.io.cache import write_json
 from ecm.io.table import Table
-from ecm.models import Model, choose_model, fit_model
+from ecm.models import Model, fit_model
 from ecm.rig.plan import POSE as AT_POSE
 from ecm.rig.plan import Request
 
@@ -210,7 +210,7 @@ the rig is another; take this row out, and measure it with a plan of its own
 def _chosen(rows: Table) -> Model | None:
     """The model of rows that no energy of the pose alone describes; None with too few of them."""
     with suppress(EcmError):
-        return fit_model(rows, choose_model(rows).best, force=True)
+        return fit_model(rows, "choose", force=True)
     return None
 
 

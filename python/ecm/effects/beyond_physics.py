@@ -20,6 +20,7 @@ from ecm.effects.pairs import (
     columns_of_pairs,
     listed_pairs,
     needs_motion,
+    on_column,
     on_output,
     pairs,
     per_pair,
@@ -341,14 +342,7 @@ class UnusedColumn(LinearEffect):
         if self.acts == "scales":
             return np.asarray((value[:, None] * rows.wrench)[:, :, None])
         names = self.outputs.split(",")
-        if self.acts != "shifts":
-            return np.stack([on_output(rows, name, value) for name in names], axis=2)
-        made = np.zeros((len(rows), len(rows.base.outputs), len(names)))
-        for k, name in enumerate(names):
-            if name in rows.base.inputs:
-                place = rows.base.inputs.index(name)
-                made[:, :, k] = -value[:, None] * rows.stiffness[:, :, place]
-        return made
+        return np.stack([on_column(rows, name, value) for name in names], axis=2)
 
     def _value(self, table: Table) -> F:
         """(N,) the column, or what a first-order filter of the lag makes of it in each run."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
-from ecm.effects.pairs import on_output, short, spans
+from ecm.effects.pairs import on_column, short, spans
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -24,7 +24,7 @@ from ecm.effects.protocol import (
 from ecm.effects.rod import rest_stiffness, rod_strain, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import WRENCH, unit_of
+from ecm.io.columns import unit_of
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.history import step_times, times_beside
@@ -212,13 +212,7 @@ class Jump(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """(N, m, k) one level of each load, or what a shift of each pose column does to them."""
         after = rows.loaded((rows.time_s() > self.at_s).astype(np.float64))
-        names, inputs = self.of.split(","), rows.base.inputs
-        if names[0] in WRENCH:
-            return np.stack([on_output(rows, name, after) for name in names], axis=2)
-        places = [inputs.index(name) for name in names if name in inputs]
-        slopes = np.zeros((len(rows), len(rows.base.outputs), len(names)))
-        slopes[:, :, [name in inputs for name in names]] = -rows.stiffness[:, :, places]
-        return np.asarray(slopes * after[:, None, None])
+        return np.stack([on_column(rows, name, after) for name in self.of.split(",")], axis=2)
 
 
 _JUMPS = {"N": 1.0, "N m": 0.03, "m": 1e-4, "rad": 2e-3}

@@ -191,6 +191,16 @@ def on_output(rows: Rows, name: str, values: F) -> F:
     return column
 
 
+def on_column(rows: Rows, name: str, values: F) -> F:
+    """(N, m) values (N,) on a wrench column, or -dh/dp times them for a shift of a pose column."""
+    if name in WRENCH:
+        return on_output(rows, name, values)
+    if name not in rows.base.inputs:
+        return np.zeros((len(rows), len(rows.base.outputs)))
+    place = rows.base.inputs.index(name)
+    return np.asarray(-values[:, None] * rows.stiffness[:, :, place])
+
+
 def columns_of_pairs(rows: Rows, of: str, signal: Callable[[str], F]) -> F:
     """(N, m, k) one column per pair: the signal of its pose column, zero on unloaded rows."""
     made = [
