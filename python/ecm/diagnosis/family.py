@@ -32,7 +32,7 @@ from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.regression.f_test import orthonormal
-from ecm.regression.history import before_each, has_order, largest_so_far, row_before
+from ecm.regression.history import before_each, has_order, largest_so_far, row_before, speeds
 from ecm.regression.rows import Rows
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
@@ -309,7 +309,9 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
     spread = rms_of_columns(rows.poses - rows.middle_pose) + 1e-12
-    step = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
+    continuous = rows.whole.table.continuous
+    known = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
+    step = _velocities(rows) if continuous else known
     if not step.any():
         return
     side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
@@ -324,16 +326,17 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
         f"the way along {name}": (text.format(at), np.sign(step[:, j])) for j, name, at in names
     }
     yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
-    visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
-    text = "np.r_[{0}[:1], {0}[:-1]]"
-    visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
     whole = rows.whole
-    # In a continuous test each relaxation is tested along the path itself, and a free process of it
-    # would take in friction as well.
     moved = (whole.poses - rows.middle_pose) / spread
-    fading = () if whole.table.continuous else _fading(rows, moved)
-    forms = (_free(problem, visit), *(_free(problem, one) for one in fading))
-    yield Driver("the poses before", ("stress_relaxation",), "both_sides", forms, history=visits)
+    if not continuous:
+        # In a continuous test each relaxation is tested along the path itself, and a free process
+        # of it would take in friction as well.
+        visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
+        text = "np.r_[{0}[:1], {0}[:-1]]"
+        visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
+        forms = tuple(_free(problem, one) for one in (visit, *_fading(rows, moved)))
+        relaxes = ("stress_relaxation",)
+        yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
     size = np.sqrt((moved**2).sum(axis=1))
     if has_order(problem.table):
         # Stiff directions add more to the energy than to the deflection.
@@ -344,6 +347,17 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
         yield Driver("the largest deflection so far", ("mullins_softening",),
                      "conditioning_cycles", forms, "",
                      {"the largest wrench so far": (text, load)})  # fmt: skip
+
+
+def _velocities(rows: Rows) -> F:
+    """(N, n) velocities of the inputs of a continuous test, each over its rms.
+
+    By the rows on both sides: a step from the row before holds the noise of the row's own pose, and
+    so does its residual.
+    """
+    known = speeds(rows.table)
+    of_each = [known.get(f"v_{name}", np.zeros(len(rows))) for name in rows.base.inputs]
+    return np.stack([one / (rms(one) + 1e-300) for one in of_each], axis=1)
 
 
 def _fading(rows: Rows, driven: F) -> Iterator[F]:

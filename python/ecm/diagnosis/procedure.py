@@ -187,8 +187,10 @@ def _error(
     return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
 
 
-_MOST_ROWS = 600
-"""Rows that are used, evenly over the log: neighbours of slow noise tell the same."""
+_MOST_ROWS, _APART = 600, 3
+"""Rows that are used, evenly over the log: neighbours of slow noise tell the same. No two are next
+to each other: their columns are those of the rows on both sides, which do not hold the noise of the
+row's own pose. Beside slow noise only changes count, and that noise would be most of them."""
 
 
 def slow_noise_of(decision: Decision) -> SlowNoise | None:
@@ -201,20 +203,37 @@ def slow_noise_of(decision: Decision) -> SlowNoise | None:
     problem = decision.problem
     if not problem.table.has("time_s"):
         return None
-    columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
-    place = {int(c): i for i, c in enumerate(columns)}
     orders = order_of_visits(problem.table)
-    stride = 1 + sum(map(len, orders)) // _MOST_ROWS
-    orders = [order[::stride] for order in orders]
-    rows = np.concatenate(orders)
-    root = np.sqrt(problem.weights[rows])[:, None]
+    stride = max(_APART, 1 + sum(map(len, orders)) // _MOST_ROWS)
+    orders = [order for order in orders if len(order) >= _APART]
+    if not orders:
+        return None
+    before, rows, after = (
+        np.concatenate([order[k : len(order) - 2 + k : stride] for order in orders])
+        for k in range(_APART)
+    )
+    root, time = np.sqrt(problem.weights[rows])[:, None], problem.table.column("time_s")[rows]
+    # Rows so far apart do not tell what fades between them.
+    apart = float(np.median(np.diff(time)))
+    slower = [
+        item
+        for item in problem.candidates
+        if all(float(v) >= apart for name, v in item.effect.shape.items() if name.endswith("tau_s"))
+    ]
+    columns = np.unique([c for item in slower for c in item.columns]).astype(np.int64)
+    place = {int(c): i for i, c in enumerate(columns)}
+
+    def beside(block: F) -> F:
+        return np.asarray(0.5 * (block[before] + block[after]) * root[:, :, None])
+
+    ends = np.cumsum([len(order[1:-1:stride]) for order in orders])
     return slow_noise(
-        problem.table.column("time_s")[rows],
-        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
+        time,
+        np.split(np.arange(len(rows)), ends[:-1]),
         problem.response[rows] * root,
-        problem.base_block[rows] * root[:, :, None],
-        problem.design[rows][:, :, columns] * root[:, :, None],
-        [tuple(place[c] for c in item.columns) for item in problem.candidates],
+        beside(problem.base_block),
+        beside(problem.design[:, :, columns]),
+        [tuple(place[c] for c in item.columns) for item in slower],
     )
 
 
@@ -412,15 +431,17 @@ def find_missing(
     if alike is None:
         return _with_family(decision, stages.describe)
     slow = slow_noise_of(decision)
-    if slow is not None and slow.p < settings.level:
-        return _with_family(decision, stages.describe)
+    seen = slow is not None and slow.p < settings.level
     most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
-    if slow is None or again.verdict == "none":
+    if again.verdict == "none" and seen:
+        # So few rows do not show what more do beside slow noise.
+        return _with_family(decision, stages.describe)
+    if slow is None or seen or again.verdict == "none":
         again = replace(again, neighbours_alike=again is not decision)
         return _with_family(again, stages.describe)
-    seen = {"variables": ("time_s",), "slow_noise": slow}
-    return decision.without_names(stages.describe, slow.words(), **seen)
+    said = {"variables": ("time_s",), "slow_noise": slow}
+    return decision.without_names(stages.describe, slow.words(), **said)
 
 
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:

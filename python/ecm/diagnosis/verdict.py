@@ -135,7 +135,7 @@ def verdict(
     if strange := _strange(found):
         return found.without_names(describe, strange, misread=True)
     still = left.remains and gate.rejected
-    pattern = _pattern_instead(problem, accepted, still, white)
+    pattern = _pattern_instead(found, white)
     if pattern is not None:
         variables = (pattern.variable,) if pattern.variable else ()
         return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
@@ -196,16 +196,13 @@ def _strange(found: Decision) -> str:
     return f"{said}; {modulus}" if reversed_body and modulus else said
 
 
-def _pattern_instead(
-    problem: Problem, accepted: Accepted, still: bool, white: Callable[[Problem], Pattern | None]
-) -> Pattern | None:
-    """Return a pattern where nothing is accepted and no function of the pose is left, or where it
-    explains more than what is accepted and what the model holds: names would imitate a part of it.
+def _pattern_instead(found: Decision, white: Callable[[Problem], Pattern | None]) -> Pattern | None:
+    """Return a pattern that explains more than what is accepted and what the model holds, or where
+    nothing is accepted, than all smooth functions of the pose: these would imitate a part of it.
 
     A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
-    if still and not accepted.effects:
-        return None
+    problem, accepted = found.problem, found.accepted
     runs = runs_apart(problem, accepted.effects) if accepted.effects else None
     if runs is not None:
         return runs
@@ -214,7 +211,8 @@ def _pattern_instead(
     if pattern is None or (named and pattern.explained <= named):
         return None
     if not accepted.effects:
-        return pattern
+        seen = found.gate.structure if found.gate.rejected and found.left.remains else 0.0
+        return None if pattern.explained < seen else pattern
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern
 

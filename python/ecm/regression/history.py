@@ -487,24 +487,50 @@ def slow_noise(
     longest = float(max(np.ptp(time_s[rows]) for rows in orders))
     times = np.geomspace(float(np.median(later)), longest / 4.0, _TIMES)
     grid = np.array([(0.0, 0.0), *((t, share) for t in times for share in _SHARES)])
-    first = _deviances(steps, grid, basis, columns, response, ())
+    shares = _of_components(steps, grid, basis, response)
+    first = _deviances(steps, grid[:, 0], shares, basis, columns, response, ())
     best = int(np.argmin(first[0][:, 0]))
     if best == 0:
         return None
-    responses = np.concatenate([response, _drawn(steps, response.shape[1], *grid[best])], axis=2)
-    null, with_block = _deviances(steps, grid, basis, columns, responses, blocks)
+    drawn = _drawn(steps, float(grid[best, 0]), shares[best])
+    responses = np.concatenate([response, drawn], axis=2)
+    null, with_block = _deviances(steps, grid[:, 0], shares, basis, columns, responses, blocks)
     # Each with the noise that suits it best; the block that gains most, as it was chosen.
     gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0, initial=-np.inf)
     p = (1.0 + float((gains[1:] >= gains[0]).sum())) / len(gains)
     return SlowNoise(float(grid[best, 0]), float(grid[best, 1]), p)
 
 
-def _drawn(steps: F, m: int, time_s: float, share: float) -> F:
-    """Return (N, m, draws) noise of the given correlation time and share of the slow part.
+def _of_components(steps: F, grid: F, basis: F, response: F) -> F:
+    """Return (g, m) the share of the slow part of each component at each place of the grid.
+
+    That of the component with the most is the share of the place: an axis whose noise comes from
+    the pose has less of it than one whose noise is the sensor's.
+    """
+    n, m, _ = response.shape
+    flat = basis.reshape(n * m, -1)
+    rest = (response.ravel() - flat @ (flat.T @ response.ravel())).reshape(n, m, 1)
+    alike = np.repeat(grid[:, 1:], m, axis=1)
+    innovations, level = _filtered(steps, grid[:, 0], alike, rest)
+    squares = (innovations.reshape(len(grid), n, m) ** 2).sum(axis=1)
+    deviance = n * np.log(np.maximum(squares, 1e-300)) + level
+    time = grid[np.unravel_index(int(np.argmin(deviance)), deviance.shape)[0], 0]
+    own = np.flatnonzero((grid[:, 0] == time) | (grid[:, 1] == 0.0))
+    found = grid[own[np.argmin(deviance[own], axis=0)], 1]
+    odds = found / (1.0 - found)
+    if not odds.any():
+        return alike
+    odds = grid[:, 1:] / (1.0 - grid[:, 1:]) * (odds / odds.max())
+    return np.asarray(odds / (1.0 + odds))
+
+
+def _drawn(steps: F, time_s: float, share: F) -> F:
+    """Return (N, m, draws) noise of the given correlation time and shares (m,) of the slow part.
 
     `steps` (N,) are the times since the row before, infinite where a run begins.
     """
-    n, random = len(steps), np.random.default_rng(_SEED)
+    n, m, random = len(steps), len(share), np.random.default_rng(_SEED)
+    share = share[:, None]
     slow = random.standard_normal((n, m, _DRAWS))
     keep = np.exp(-steps / time_s)
     for i in range(1, n):
@@ -514,7 +540,13 @@ def _drawn(steps: F, m: int, time_s: float, share: float) -> F:
 
 
 def _deviances(
-    steps: F, grid: F, base: F, columns: F, responses: F, blocks: Sequence[tuple[int, ...]]
+    steps: F,
+    times: F,
+    shares: F,
+    base: F,
+    columns: F,
+    responses: F,
+    blocks: Sequence[tuple[int, ...]],
 ) -> tuple[F, F]:
     """Return -2 log likelihoods: (g, r) with the base, (g, blocks, r) with each block beside it."""
     n, m, r = responses.shape
@@ -522,23 +554,23 @@ def _deviances(
     everything = np.concatenate(wide, axis=2)
     at_once = max(1, _MOST_NUMBERS // everything.size)
     size, b = n * m, base.shape[2]
-    null, beside = np.empty((len(grid), r)), np.empty((len(grid), len(blocks), r))
+    null, beside = np.empty((len(times), r)), np.empty((len(times), len(blocks), r))
     penalty = np.array([len(block) for block in blocks]).reshape(-1, 1) * np.log(size)
 
     def fill(start: int) -> None:
-        part = grid[start : start + at_once]
-        innovations, log_determinant = _filtered(steps, part, everything)
+        part = slice(start, start + at_once)
+        innovations, log_determinant = _filtered(steps, times[part], shares[part], everything)
         for g, flat in enumerate(innovations):
             products = _beside_first(flat.T @ flat, b)
             squares = np.diag(products)[-r:]
-            level = m * log_determinant[g]
+            level = log_determinant[g].sum()
             null[start + g] = size * np.log(squares / size) + level
             equations = products[:-r, :-r], products[:-r, -r:]
             gains = explained_by_blocks(equations, equations, blocks)
             left = np.maximum(squares - gains, 1e-12 * squares)
             beside[start + g] = size * np.log(left / size) + level + penalty
 
-    in_threads(fill, range(0, len(grid), at_once))
+    in_threads(fill, range(0, len(times), at_once))
     return null, beside
 
 
@@ -551,21 +583,24 @@ def _beside_first(products: F, first: int) -> F:
     return np.asarray(products[first:, first:] - along.T @ along)
 
 
-def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
-    """Return (g, N m, q) whitened values (N, m, q) and (g,) log determinant of a component."""
+def _filtered(steps: F, times: F, share: F, values: F) -> tuple[F, F]:
+    """Return (g, N m, q) whitened values (N, m, q) and (g, m) log determinants.
+
+    Of slow parts of times (g,) and of shares (g, m) of each component.
+    """
     n, m, q = values.shape
-    times, share = np.maximum(grid[:, 0], 1e-300), grid[:, 1]
-    out = np.empty((len(grid), n, m, q))
-    state, variance = np.zeros((len(grid), m, q)), share.copy()
-    log_determinant = np.zeros(len(grid))
+    times = np.maximum(times, 1e-300)
+    out = np.empty((len(times), n, m, q))
+    state, variance = np.zeros((len(times), m, q)), share.copy()
+    log_determinant = np.zeros(share.shape)
     for i in range(n):
-        keep = np.exp(-steps[i] / times)
-        state = keep[:, None, None] * state
+        keep = np.exp(-steps[i] / times)[:, None]
+        state = keep[:, :, None] * state
         variance = keep**2 * variance + (1.0 - keep**2) * share
         total = variance + 1.0 - share
         error = values[i] - state
-        out[:, i] = error / np.sqrt(total)[:, None, None]
-        state += (variance / total)[:, None, None] * error
+        out[:, i] = error / np.sqrt(total)[:, :, None]
+        state += (variance / total)[:, :, None] * error
         variance = variance * (1.0 - share) / total
         log_determinant += np.log(total)
-    return out.reshape(len(grid), n * m, q), log_determinant
+    return out.reshape(len(times), n * m, q), log_determinant
