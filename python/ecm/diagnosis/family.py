@@ -328,15 +328,15 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
     whole = rows.whole
     moved = (whole.poses - rows.middle_pose) / spread
-    if not continuous:
-        # In a continuous test each relaxation is tested along the path itself, and a free process
-        # of it would take in friction as well.
-        visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
-        text = "np.r_[{0}[:1], {0}[:-1]]"
-        visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
-        forms = tuple(_free(problem, one) for one in (visit, *_fading(rows, moved)))
-        relaxes = ("stress_relaxation",)
-        yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
+    of_pose = [j for j, name, _ in names if name in POSE]
+    visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
+    text = "np.r_[{0}[:1], {0}[:-1]]"
+    visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
+    # In a log the row before is no more than the row itself.
+    places = [*(() if continuous else (visit,)), *_fading(rows, moved[:, of_pose])]
+    forms = tuple(_free(problem, one) for one in places)
+    relaxes = ("stress_relaxation",)
+    yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
     size = np.sqrt((moved**2).sum(axis=1))
     if has_order(problem.table):
         # Stiff directions add more to the energy than to the deflection.
@@ -371,7 +371,7 @@ def _fading(rows: Rows, driven: F) -> Iterator[F]:
     table = rows.whole.table
     if table.has("time_s"):
         for tau in time_constants(table)[::_EVERY_TAU]:
-            yield rows.of_whole(hereditary(table, driven, tau))
+            yield rows.of_whole(hereditary(table, driven, tau, rows.both_sides))
 
 
 def _work(rows: Rows) -> F:

@@ -221,7 +221,7 @@ def find_pattern(problem: Problem) -> Pattern | None:
 
 
 def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
-    """Yield the best period of each component, and of a factor on the whole wrench."""
+    """Yield the best period of each component, of all together, and of a factor on the wrench."""
     table = problem.table
     name, unit = ("time_s", " s") if table.has("time_s") else ("row", " rows")
     when = table.column(name) if unit == " s" else table.row_numbers.astype(np.float64)
@@ -237,20 +237,31 @@ def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
     freedom = max(0.0, n * (1.0 - problem.base_block.shape[2] / problem.size) - 2.0)
     load = np.einsum("nij,nj->ni", problem.whitener[counted], problem.rows.wrench[counted])
     series = [(outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n)) for j in range(len(outputs))]
-    series.append(("the stiffness", (load * left).sum(axis=1), (load**2).sum(axis=1)))
-    for words, along, weight in series:
-        explained = _explained(cosine, sine, along, weight)
+    of_each = {words: [(along, own)] for words, along, own in series}
+    if len(series) > 1:
+        of_each["the wrench"] = [(along, own) for _, along, own in series]
+    of_each["the stiffness"] = [((load * left).sum(axis=1), (load**2).sum(axis=1))]
+    found: list[tuple[float, Pattern]] = []
+    for words, parts in of_each.items():
+        explained = np.sum([_explained(cosine, sine, *one) for one in parts], axis=0)
         best = int(np.argmax(explained))
-        single = _chance(cosine[:, best], sine[:, best], along, weight, freedom)
+        place = cosine[:, best], sine[:, best]
+        chances = np.array([_chance(*place, along, own, freedom) for along, own in parts])
+        # Of several components by Fisher's method.
+        logs = np.log(np.maximum(chances, 1e-300)).sum()
+        single = float(special.chdtrc(2 * len(parts), -2.0 * logs))
         period = float(1.0 / turns[best])
-        yield Pattern(
+        pattern = Pattern(
             name,
             f"{words} follows {name} with period {period:.3g}{unit}",
             min(1.0, single * len(turns)),
-            float(np.sqrt(max(0.0, explained[best] - 2.0) / left.size)),
+            float(np.sqrt(max(0.0, explained[best] - 2.0 * len(parts)) / left.size)),
             period,
             float(explained[best]),
         )
+        found.append((pattern.explained - 2.0 * len(parts) * np.log(n), pattern))
+    # Strong ones all have a chance of 0: the first of them is said.
+    yield from (pattern for _, pattern in sorted(found, key=lambda one: -one[0]))
 
 
 def _explained(cosine: F, sine: F, along: F, weight: F) -> F:

@@ -657,7 +657,7 @@ def assemble(
     fit = here = joint_fit(base, (), table, noise)
     if around is not None:
         here = joint_fit(around, (), table, noise, freeze_base=True)
-    base, rows = here.base, here.rows
+    base, rows = here.base, replace(here.rows, both_sides=table.full.continuous)
     whitener = whiteners(noise.covariance(rows, base.error))
     base_block = whitener @ base_columns(rows, base)
     response = np.einsum("nij,nj->ni", whitener, here.residual)

@@ -434,8 +434,8 @@ def find_missing(
     seen = slow is not None and slow.p < settings.level
     most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
-    if again.verdict == "none" and seen:
-        # So few rows do not show what more do beside slow noise.
+    if seen and (again.verdict == "none" or again.answer == decision.answer):
+        # Fewer rows do not show what more do beside slow noise, or tell sizes less well.
         return _with_family(decision, stages.describe)
     if slow is None or seen or again.verdict == "none":
         again = replace(again, neighbours_alike=again is not decision)

@@ -429,6 +429,8 @@ class Rows:
     base: BaseMap
     of_fit: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     """What effects take of all rows of a fit, by name; filled by `taken` where it is not known."""
+    both_sides: bool = False
+    """Whether a memory takes its last step from the rows on both sides, not from the row's pose."""
 
     def __len__(self) -> int:
         return len(self.table)
