@@ -195,7 +195,7 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
     freedom = y.size - base.shape[1]
 
-    drivers = tuple(_drivers(problem))
+    drivers = tuple(_drivers(problem, frozenset(item.id for item in named)))
     processes = [*(driver.forms for driver in drivers), (_of_pose(problem),)]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
@@ -259,7 +259,7 @@ _COLUMNS = {
 """Column -> words, effects that it drives, experiment, cosines of it."""
 
 
-def _drivers(problem: Problem) -> Iterator[Driver]:
+def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[Driver]:
     """Yield the drivers that vary in these rows."""
     table = problem.table
     named = candidate_covariates(table, problem.base.inputs, problem.base.outputs)
@@ -288,7 +288,7 @@ def _drivers(problem: Problem) -> Iterator[Driver]:
         forms = _factors(problem, _cosines(rest, 3))
         yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", forms, "dwell_s")
     if has_order(table) or table.has("approach"):
-        yield from _of_history(problem, _before(problem.rows))
+        yield from _of_history(problem, _before(problem.rows), accepted)
 
 
 def _values(table: Table, column: str) -> F:
@@ -305,7 +305,7 @@ def _lagging(rows: Rows, column: str) -> Iterator[F]:
             yield rows.of_whole(values) - ahead[:, 0]
 
 
-def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
+def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterator[Driver]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
     spread = rms_of_columns(rows.poses - rows.middle_pose) + 1e-12
@@ -332,11 +332,13 @@ def _of_history(problem: Problem, before: F) -> Iterator[Driver]:
     visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
     text = "np.r_[{0}[:1], {0}[:-1]]"
     visits = {f"{name} before": (text.format(at), visit[:, j]) for j, name, at in names}
-    # In a log the row before is no more than the row itself.
-    places = [*(() if continuous else (visit,)), *_fading(rows, moved[:, of_pose])]
-    forms = tuple(_free(problem, one) for one in places)
-    relaxes = ("stress_relaxation",)
-    yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
+    if not (continuous and accepted & set(like)):
+        # Along the path of a log a free process of it takes in friction that has a name as well.
+        # There the row before is no more than the row itself.
+        places = [*(() if continuous else (visit,)), *_fading(rows, moved[:, of_pose])]
+        forms = tuple(_free(problem, one) for one in places)
+        relaxes = ("stress_relaxation",)
+        yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
     size = np.sqrt((moved**2).sum(axis=1))
     if has_order(problem.table):
         # Stiff directions add more to the energy than to the deflection.
