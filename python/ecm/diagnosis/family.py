@@ -327,7 +327,7 @@ def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterat
     }
     yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
     whole = rows.whole
-    moved = (whole.poses - rows.middle_pose) / spread
+    moved = (whole.measured.poses - rows.middle_pose) / spread
     of_pose = [j for j, name, _ in names if name in POSE]
     visit = np.where(np.isfinite(before), before - rows.middle_pose, 0.0) / spread
     text = "np.r_[{0}[:1], {0}[:-1]]"
@@ -373,7 +373,7 @@ def _fading(rows: Rows, driven: F) -> Iterator[F]:
     table = rows.whole.table
     if table.has("time_s"):
         for tau in time_constants(table)[::_EVERY_TAU]:
-            yield rows.of_whole(hereditary(table, driven, tau, rows.both_sides))
+            yield rows.of_whole(hereditary(table, driven, tau, rows.quiet))
 
 
 def _work(rows: Rows) -> F:

@@ -657,8 +657,8 @@ def assemble(
     fit = here = joint_fit(base, (), table, noise)
     if around is not None:
         here = joint_fit(around, (), table, noise, freeze_base=True)
-    base, rows = here.base, replace(here.rows, both_sides=table.full.continuous)
-    whitener = whiteners(noise.covariance(rows, base.error))
+    base, whitener = here.base, whiteners(noise.covariance(here.rows, here.base.error))
+    rows = replace(here.rows, quiet=True) if table.continuous else here.rows
     base_block = whitener @ base_columns(rows, base)
     response = np.einsum("nij,nj->ni", whitener, here.residual)
     every, untestable = all_score_columns(rows, whitener, effects)

@@ -188,9 +188,9 @@ def _error(
 
 
 _MOST_ROWS, _APART = 600, 3
-"""Rows that are used, evenly over the log: neighbours of slow noise tell the same. No two are next
-to each other: their columns are those of the rows on both sides, which do not hold the noise of the
-row's own pose. Beside slow noise only changes count, and that noise would be most of them."""
+"""Rows that are used, evenly over the log: neighbours of slow noise tell the same, and their poses
+(`Rows.quiet`) hold the noise of each other. Beside slow noise only changes count, and that noise
+would be most of them."""
 
 
 def slow_noise_of(decision: Decision) -> SlowNoise | None:
@@ -205,35 +205,18 @@ def slow_noise_of(decision: Decision) -> SlowNoise | None:
         return None
     orders = order_of_visits(problem.table)
     stride = max(_APART, 1 + sum(map(len, orders)) // _MOST_ROWS)
-    orders = [order for order in orders if len(order) >= _APART]
-    if not orders:
-        return None
-    before, rows, after = (
-        np.concatenate([order[k : len(order) - 2 + k : stride] for order in orders])
-        for k in range(_APART)
-    )
-    root, time = np.sqrt(problem.weights[rows])[:, None], problem.table.column("time_s")[rows]
-    # Rows so far apart do not tell what fades between them.
-    apart = float(np.median(np.diff(time)))
-    slower = [
-        item
-        for item in problem.candidates
-        if all(float(v) >= apart for name, v in item.effect.shape.items() if name.endswith("tau_s"))
-    ]
-    columns = np.unique([c for item in slower for c in item.columns]).astype(np.int64)
+    orders = [order[::stride] for order in orders]
+    rows = np.concatenate(orders)
+    root = np.sqrt(problem.weights[rows])[:, None]
+    columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
     place = {int(c): i for i, c in enumerate(columns)}
-
-    def beside(block: F) -> F:
-        return np.asarray(0.5 * (block[before] + block[after]) * root[:, :, None])
-
-    ends = np.cumsum([len(order[1:-1:stride]) for order in orders])
     return slow_noise(
-        time,
-        np.split(np.arange(len(rows)), ends[:-1]),
+        problem.table.column("time_s")[rows],
+        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
         problem.response[rows] * root,
-        beside(problem.base_block),
-        beside(problem.design[:, :, columns]),
-        [tuple(place[c] for c in item.columns) for item in slower],
+        problem.base_block[rows] * root[:, :, None],
+        problem.design[rows][:, :, columns] * root[:, :, None],
+        [tuple(place[c] for c in item.columns) for item in problem.candidates],
     )
 
 

@@ -211,7 +211,10 @@ def _pattern_instead(found: Decision, white: Callable[[Problem], Pattern | None]
     if pattern is None or (named and pattern.explained <= named):
         return None
     if not accepted.effects:
-        seen = found.gate.structure if found.gate.rejected and found.left.remains else 0.0
+        # By BIC: they are many, and imitate a part of anything.
+        smooth = found.gate.smooth
+        more = found.gate.structure + smooth.dof * (1.0 - np.log(problem.size))
+        seen = more if found.gate.rejected and found.left.remains else 0.0
         return None if pattern.explained < seen else pattern
     beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
     return None if beside is None else pattern

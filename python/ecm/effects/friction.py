@@ -31,13 +31,13 @@ from ecm.effects.protocol import (
     needs_time,
     optional,
 )
-from ecm.effects.relaxation import play
+from ecm.effects.relaxation import stretch
 from ecm.effects.rod import rest_stiffness, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.regression.history import approach_cosines, order_of_visits
+from ecm.regression.history import approach_cosines, from_both_sides, order_of_visits
 from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
@@ -206,33 +206,38 @@ class Hysteresis(LinearEffect):
 
     def _of_a_spring(self, rows: Rows, name: str) -> F:
         """(N,) force over c along one pose column, from the first row of each run."""
-        limit, values = numbers(self.slip)[name], rows.table.column(name)
-        stretch = np.zeros(len(rows))
+        limit, values = numbers(self.slip)[name], rows.table.matrix([name])
+        last = from_both_sides(rows.table, values) if rows.quiet else values
+        found = np.zeros(len(rows))
         for order in order_of_visits(rows.table):
-            path = (values[order] - values[order[0]])[:, None]
-            stretch[order] = (path - play(path, limit))[:, 0] / limit
-        return (stretch - np.clip(stretch, -self.play, self.play)) / (1.0 - self.play)
+            path, own = (one[order] - values[order[0]] for one in (values, last))
+            found[order] = stretch(path, limit, own)[:, 0] / limit
+        return (found - np.clip(found, -self.play, self.play)) / (1.0 - self.play)
 
     def _of_slipping_springs(self, rows: Rows) -> F:
         """(N, 6, k) force of springs that slip: one column, or one for each coordinate."""
         length = rows.length_m
         metric = np.array([1.0, 1.0, 1.0, length, length, length])
-        before = rows.known_before
+        path = rows.measured
+        before = path.known_before
         rest = rows.base.stiffness(rows.rest_pose[None, :])[0]
         if self.stiffness == "each":
-            at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
+            at, came, last = (one - rows.rest_pose for one in (path.poses, before, rows.poses))
         else:
-            at, came = mid_frame(rows.poses, length), mid_frame(before, length)
+            at, came, last = (mid_frame(one, length) for one in (path.poses, before, rows.poses))
         slip = np.full(6, self.yield_m)
         if self.slip:
             slip = metric * [numbers(self.slip)[name] for name in POSE]
         friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
-            path = np.stack([came[order], at[order]], axis=1).reshape(-1, 6) * metric
+            way, own = (
+                np.stack([came[order], one[order]], axis=1).reshape(-1, 6) * metric
+                for one in (at, last)
+            )
             if rows.table.continuous:  # as at `init` unstretched where a log begins
-                path -= path[0]
+                way, own = way - way[0], own - way[0]
             for share in (2.0 * np.arange(self.springs) + 1.0) / self.springs:
-                friction[order] += (path - play(path, share * slip))[1::2]
+                friction[order] += stretch(way, share * slip, own)[1::2]
         friction *= (~rows.unloaded)[:, None] / (self.springs * slip)
         if self.stiffness == "each":
             return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))

@@ -27,7 +27,7 @@ from ecm.effects.protocol import (
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
-from ecm.regression.history import rates
+from ecm.regression.history import rates, second_rates
 from ecm.regression.rows import Rows
 
 _EXPONENTS = (1.0, 0.3)
@@ -164,7 +164,10 @@ class Inertia(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Acceleration: a column of translation and one of rotation."""
-        return _translation_and_rotation(rates(rows.table, velocity(rows.table)), rows)
+        table = rows.table
+        if rows.quiet and not table.has(*VELOCITY):
+            return _translation_and_rotation(second_rates(table, table.matrix(POSE)), rows)
+        return _translation_and_rotation(rates(table, velocity(table)), rows)
 
 
 class TimeSkew(LinearEffect):

@@ -26,9 +26,9 @@ from ecm.effects.protocol import (
     optional,
 )
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
-from ecm.io.arrays import B, F
+from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.regression.history import order_of_visits
+from ecm.regression.history import from_both_sides, order_of_visits
 from ecm.regression.rows import Rows, is_whole
 
 
@@ -87,6 +87,28 @@ def play(loads: F, width: float | F) -> F:
         state = np.minimum(np.maximum(state, low), high)
     states = np.minimum(np.maximum(begin, least), largest)
     return np.asarray(states.swapaxes(0, 1).reshape(-1, loads.shape[1])[: len(loads)])
+
+
+def stretch(path: F, width: float | F, last: F) -> F:
+    """(n, m) how far a spring is stretched that slips: its load less the slider it pushes.
+
+    Parameters
+    ----------
+    path
+        (n, m) loads up to each row.
+    width
+        One, or (m,): from there on it slips.
+    last
+        (n, m) load of the row itself.
+
+    Examples
+    --------
+    >>> path = np.array([[3.0], [2.5], [0.0]])
+    >>> stretch(path, 1.0, path).tolist()
+    [[1.0], [0.5], [-1.0]]
+    """
+    before = np.concatenate([np.zeros((1, path.shape[1])), play(path, width)[:-1]])
+    return np.asarray(last - np.clip(before, last - width, last + width))
 
 
 def _stretches(values: F) -> F:
@@ -278,17 +300,18 @@ class StressRelaxation(LinearEffect):
             dwell = rows.table.column("dwell_s")
             rests = np.where(np.isfinite(dwell), dwell, np.inf)[:, None] / np.asarray(taus)
             return np.asarray(np.exp(-rests)[:, None, :] * rows.material_wrench[:, :, None])
+        path = rows.measured
         if self.frame == "middle":
             if self.overstress == "linear":
-                driven = mid_frame(rows.poses, rows.length_m) * rest_stiffness(rows).along
+                driven = mid_frame(path.poses, rows.length_m) * rest_stiffness(rows).along
             else:
-                driven = generalised(rows.poses, rows.wrench)
-            forces = [hereditary(rows.table, driven, tau, rows.both_sides) for tau in taus]
+                driven = generalised(path.poses, path.wrench)
+            forces = [hereditary(rows.table, driven, tau, rows.quiet) for tau in taus]
             return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
-        driven = rows.material_wrench
+        driven = path.material_wrench
         if self.overstress == "linear":
-            driven = (rows.poses * rows.of_pose) @ rows.mean_stiffness.T
-        parts = [hereditary(rows.table, driven, tau, rows.both_sides) for tau in taus]
+            driven = (path.poses * rows.of_pose) @ rows.mean_stiffness.T
+        parts = [hereditary(rows.table, driven, tau, rows.quiet) for tau in taus]
         made = np.stack(parts, axis=2)
         if not self.loses:
             return made
@@ -312,47 +335,32 @@ def _frame(table: Table) -> str:
     return "middle" if known else ""
 
 
-def hereditary(table: Table, driven: F, tau_s: float, both_sides: bool = False) -> F:
+def hereditary(table: Table, driven: F, tau_s: float, quiet: bool = False) -> F:
     """(N, m) int exp(-(t - s) / tau) d(driven) in each run, linear between samples.
 
     A run begins relaxed at its first sample, as a controller does at `init`.
 
     Parameters
     ----------
-    both_sides
+    quiet
         Where a column is noisy, the last step is that between the rows on both sides. The residual
         of a row holds the noise of its own pose: a memory of few rows would be most of all that
         noise, and explain it.
     """
     time = table.column("time_s")
     integral = np.zeros_like(driven)
+    last = from_both_sides(table, driven) if quiet else driven
     for order in order_of_visits(table):
         steps = np.diff(time[order])
         shares = _remaining_shares(steps, tau_s)
         grown = np.diff(driven[order], axis=0) * shares[:, None]
         fades = np.exp(-steps / tau_s)
         known = fading(fades, grown, np.zeros(driven.shape[1]))
-        if both_sides and len(order) > 3:
-            own = driven[order]
-            part = (steps[:-1] / np.maximum(steps[1:] + steps[:-1], 1e-300) * shares[:-1])[:, None]
-            beside = fades[:-1, None] * known[:-2] + part * (own[2:] - own[:-2])
-            known[1:-1] = np.where(_noisy(own), beside, known[1:-1])
+        if quiet:
+            ahead = (last[order[1:]] - driven[order[:-1]]) * shares[:, None]
+            known[1:] = fades[:, None] * known[:-1] + ahead
         integral[order] = known
     return integral
-
-
-_OPPOSITE = 0.62
-"""Share of bends with the opposite sign of the one before: 0.73 of white noise, 0.5 where bends are
-independent, none of a smooth path."""
-_CORNER = 5.0
-"""Bends beyond so many times the median are corners of the path."""
-
-
-def _noisy(path: F) -> B:
-    """(n - 2, m) whether the path (n, m) bends at a row as white noise does."""
-    bends = np.diff(path, 2, axis=0)
-    noisy = (bends[1:] * bends[:-1] < 0.0).mean(axis=0) > _OPPOSITE
-    return np.asarray(noisy & (np.abs(bends) < _CORNER * np.median(np.abs(bends), axis=0)))
 
 
 def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:

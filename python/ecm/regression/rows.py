@@ -16,7 +16,7 @@ from ecm.io.arrays import B, F, I, lstsq, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.sanity import clock_s
 from ecm.io.table import Table
-from ecm.regression.history import order_of_visits, pose_before
+from ecm.regression.history import from_both_sides, order_of_visits, pose_before
 
 _DIGITS = 1e-5
 """Least rounding of a column that a file holds, over its largest value: five digits."""
@@ -429,8 +429,9 @@ class Rows:
     base: BaseMap
     of_fit: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     """What effects take of all rows of a fit, by name; filled by `taken` where it is not known."""
-    both_sides: bool = False
-    """Whether a memory takes its last step from the rows on both sides, not from the row's pose."""
+    quiet: bool = False
+    """Whether the poses of a log are those by the rows on both sides (`from_both_sides`), where
+    they are noisy: columns without the noise of the row's own pose, which its residual holds."""
 
     def __len__(self) -> int:
         return len(self.table)
@@ -462,6 +463,11 @@ class Rows:
         """All rows of the table that a subsample was chosen from; else these rows."""
         whole = self.table.sampled_from
         return self if whole is None else replace(self, table=whole)
+
+    @cached_property
+    def measured(self) -> Rows:
+        """The same rows at their measured poses."""
+        return replace(self, quiet=False) if self.quiet else self
 
     def of_whole(self, values: F) -> F:
         """(N, ...) the values of these rows, from those of all rows of `whole`."""
@@ -498,8 +504,11 @@ class Rows:
 
     @cached_property
     def poses(self) -> F:
-        """(N, n) measured pose columns of the base map."""
-        return np.ascontiguousarray(self.table.matrix(self.base.inputs))
+        """(N, n) measured pose columns of the base map, or `quiet` ones."""
+        if self.quiet and self.table.sampled_from is not None:
+            return np.ascontiguousarray(self.of_whole(self.whole.poses))
+        poses = self.table.matrix(self.base.inputs)
+        return np.ascontiguousarray(from_both_sides(self.table, poses) if self.quiet else poses)
 
     @cached_property
     def unloaded(self) -> B:

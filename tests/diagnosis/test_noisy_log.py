@@ -1,0 +1,119 @@
+"""A log of six columns whose poses are noisy: that noise is in each row's residual as well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import ecm
+from ecm.diagnosis.procedure import find_missing
+from ecm.effects.relaxation import hereditary
+from ecm.io.arrays import F
+from ecm.regression.history import slow_noise
+from support.neck import columns_of
+from support.stand_in import L, wrench
+
+ROWS, STEP_S = 1500, 0.05
+SD = np.repeat([0.3, 0.01], 3)
+POSE_SD = np.repeat([4e-5, 4e-4], 3)
+
+
+def path() -> F:
+    """(N, 6) a smooth path of all coordinates that grows."""
+    turns = ROWS / 400.0 * np.array([1.0, 1.31, 0.83, 0.57, 1.13, 1.73])
+    reach = np.array([0.004, 0.012, 0.012, 0.25, 0.3, 0.3])
+    along = np.linspace(0.0, 1.0, ROWS)
+    poses = reach * np.sin(2.0 * np.pi * np.outer(along, turns)) * (0.2 + 0.8 * along)[:, None]
+    poses[:, 0] += L
+    return poses
+
+
+def log(seed: int, memory: float = 0.0, more: F | float = 0.0) -> ecm.Table:
+    """The path with noisy poses and wrenches, whose errors forget themselves by `memory` a row."""
+    random, true = np.random.default_rng(seed), path()
+    shocks = random.standard_normal((ROWS, 6)) * np.sqrt(1.0 - memory**2)
+    shocks[0] /= np.sqrt(1.0 - memory**2)
+    loads = wrench(true) + SD * lfilter([1.0], [1.0, -memory], shocks, axis=0) + more
+    poses = true + POSE_SD * random.standard_normal((ROWS, 6))
+    figures = ("pose_position_sd_m", "pose_rotation_sd_rad", "force_sd_N", "torque_sd_Nm")
+    instrument = dict(zip(figures, (4e-5, 4e-4, 0.3, 0.01), strict=True))
+    columns = columns_of(poses, loads) | {"time_s": STEP_S * np.arange(ROWS)}
+    meta = {"file": {"kind": "continuous"}, "mechanism": {"length_m": L}}
+    return ecm.Table(columns, meta | {"instrument": instrument})
+
+
+def found_in(table: ecm.Table) -> ecm.Diagnosis:
+    return ecm.diagnose(ecm.fit_model(table, "energy4"), table)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_the_poses_is_no_way_to_the_pose(seed: int) -> None:
+    """A step from the row before holds the noise that the residual holds: six of six were one."""
+    table = log(seed)
+    assert find_missing(ecm.fit_model(table, "energy4"), table).verdict == "none"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slow_noise_of_some_axes_has_no_cause(seed: int) -> None:
+    """The noise of x is that of the pose, which is new in each row; that of the others is slow."""
+    table = log(seed, memory=0.95)
+    found = find_missing(ecm.fit_model(table, "energy4"), table)
+    assert found.answer == ()
+    assert found.family is None
+    assert found.unknown is None or found.unknown.slow_noise is not None
+
+
+def test_a_relaxation_keeps_its_time_constant() -> None:
+    """The memory of two rows is most of the noise of their poses, and explained most."""
+    loads, keep = wrench(path()), np.exp(-STEP_S / 3.0)
+    slow = lfilter([1.0], [1.0, -keep], np.diff(loads, axis=0, prepend=loads[:1]), axis=0)
+    found = found_in(log(0, more=0.15 * slow))
+    assert found.answer == (("stress_relaxation",),)
+    assert found.effects[0].effect.shape["tau_s"] == pytest.approx(3.0, rel=0.2)
+
+
+def test_a_memory_does_not_hold_the_noise_of_its_own_row() -> None:
+    table, row = log(0), 700
+    moved = table.poses.copy()
+    moved[row] += POSE_SD
+    for both_sides in (True, False):
+        before, after = (
+            hereditary(table, poses, 0.1, both_sides) for poses in (table.poses, moved)
+        )
+        assert (before[row] == after[row]).all() == both_sides
+        assert (before[row + 2] != after[row + 2]).all()
+
+
+def test_a_period_of_all_axes_is_said() -> None:
+    """One alone explains less than all smooth functions of the pose, all axes together far more."""
+    wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * STEP_S * np.arange(ROWS) / 7.3)
+    found = found_in(log(1, more=SD * wave[:, None]))
+    assert found.unknown is not None
+    assert found.unknown.pattern is not None
+    assert found.unknown.pattern.words.startswith("the wrench follows time_s with period 7.")
+
+
+def test_a_period_of_one_axis_is_that_of_the_axis() -> None:
+    wave = np.zeros((ROWS, 6))
+    wave[:, 4] = 0.02 * np.sin(2.0 * np.pi * STEP_S * np.arange(ROWS) / 7.3)
+    found = found_in(log(1, more=wave))
+    assert found.unknown is not None
+    assert found.unknown.pattern is not None
+    assert found.unknown.pattern.words.startswith("tau_y follows time_s with period 7.")
+
+
+def test_slow_noise_of_one_component_is_as_likely_as_it_is() -> None:
+    """With one share for both, a column of the slow component explained more than any draw."""
+    random, n = np.random.default_rng(3), 400
+    slow = lfilter([1.0], [1.0, -0.9], random.standard_normal(n)) * np.sqrt(0.19)
+    response = np.column_stack([slow, random.standard_normal(n)])
+    time, nothing = 0.1 * np.arange(n), np.ones((n, 2, 1))
+    shapes = [np.cos(np.pi * k * time / time[-1]) for k in range(1, 21)]
+    columns = np.zeros((n, 2, 20))
+    columns[:, 0] = np.column_stack(shapes)
+    blocks = [(k,) for k in range(20)]
+    found = slow_noise(time, [np.arange(n)], response, nothing, columns, blocks)
+    assert found is not None
+    assert found.share > 0.8
+    assert found.p > 0.01
