@@ -315,9 +315,8 @@ def _neighbours(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
 def _memory(problem: Problem) -> Iterator[Pattern]:
     """Yield what the residual keeps of the reading before: its pose and its load."""
     table, rows = problem.table, problem.rows
-    if table.continuous or table.sampled_from is not None or not table.has("time_s"):
-        # Of a large table the reading before is not there, without a time it is not known; that of
-        # a log tells where the row is as well as the row's own pose does, whose noise is in both.
+    if table.sampled_from is not None or not table.has("time_s"):
+        # Of a large table the reading before is not there; without a time it is not known.
         return
     before = row_before(table)
     known = before >= 0
