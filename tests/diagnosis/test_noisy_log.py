@@ -117,3 +117,15 @@ def test_slow_noise_of_one_component_is_as_likely_as_it_is() -> None:
     assert found is not None
     assert found.share > 0.8
     assert found.p > 0.01
+
+
+def test_a_comparison_finds_nothing_in_it_and_what_is_there() -> None:
+    """The noise of the poses was "a part of it follows the pose": F was 6 for each seed."""
+    wave = np.zeros((ROWS, 6))
+    wave[:, 1] = 0.3 * np.sin(path()[:, 3] / 0.05)
+    clean, hidden = (
+        ecm.compare(ecm.fit_model(table, "energy4"), table) for table in (log(0), log(0, more=wave))
+    )
+    assert not clean.structure.found
+    assert "as good as the measurements can show" in str(clean)
+    assert hidden.structure.found

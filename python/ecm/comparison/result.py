@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -157,7 +157,7 @@ class Comparison(Shown):
         made = self.compared
         rows = Rows(made.table.subsample(made.chosen), made.model.base)
         errors = residuals(rows, made.predicted[made.chosen], self.noise, made.model.base.error)
-        rows, own = replace(rows, quiet=made.table.continuous), None
+        rows, own = rows.quieted, None
         refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
         if refitted and fitted_here(made.model, made.table):
             own = errors.whitener @ base_columns(rows, made.model.base)

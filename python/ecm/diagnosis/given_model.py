@@ -32,7 +32,7 @@ from ecm.io.conventions import Convention, conventions, in_words, rarer_conventi
 from ecm.io.events import fields_json
 from ecm.io.table import Table
 from ecm.models.errors import held_out
-from ecm.models.joint_fit import JointFit
+from ecm.models.joint_fit import JointFit, base_columns
 from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
@@ -489,7 +489,9 @@ class _Judged:
         if fit is None or self.needed or _far_behind(self.refitted, self.base):
             return False
         whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
-        return not structure_test(fit.rows, fit.whitened, whitener, fitted=fit.design).found
+        rows = fit.rows.quieted
+        own = fit.design if rows is fit.rows else whitener @ base_columns(rows, fit.base)
+        return not structure_test(rows, fit.whitened, whitener, fitted=own).found
 
     @property
     def falls_again(self) -> bool:

@@ -658,7 +658,7 @@ def assemble(
     if around is not None:
         here = joint_fit(around, (), table, noise, freeze_base=True)
     base, whitener = here.base, whiteners(noise.covariance(here.rows, here.base.error))
-    rows = replace(here.rows, quiet=True) if table.continuous else here.rows
+    rows = here.rows.quieted
     base_block = whitener @ base_columns(rows, base)
     response = np.einsum("nij,nj->ni", whitener, here.residual)
     every, untestable = all_score_columns(rows, whitener, effects)

@@ -465,6 +465,11 @@ class Rows:
         return self if whole is None else replace(self, table=whole)
 
     @cached_property
+    def quieted(self) -> Rows:
+        """The same rows, of a log with `quiet` poses."""
+        return replace(self, quiet=True) if self.table.continuous else self
+
+    @cached_property
     def measured(self) -> Rows:
         """The same rows at their measured poses."""
         return replace(self, quiet=False) if self.quiet else self
