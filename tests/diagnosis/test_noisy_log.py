@@ -129,3 +129,23 @@ def test_a_comparison_finds_nothing_in_it_and_what_is_there() -> None:
     assert not clean.structure.found
     assert "as good as the measurements can show" in str(clean)
     assert hidden.structure.found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_an_angle_is_no_kink_beside_slow_noise(seed: int) -> None:
+    """Where only changes count, the noise of one angle was a kink or a power of seven."""
+    random, time = np.random.default_rng(seed), 0.02 * np.arange(2000)
+    angle = 0.4 * np.sin(2.0 * np.pi * time / 9.0) * (0.5 + 0.5 * time / time[-1])
+    angle += 0.1 * np.sin(2.0 * np.pi * time / 3.7)
+    slow = lfilter([1.0], [1.0, -0.9], random.standard_normal(2000) * np.sqrt(0.19))
+    columns = {
+        "theta_z_rad": angle + 2e-3 * random.standard_normal(2000),
+        "tau_z_Nm": 3.0 * angle + 4.0 * angle**3 + 0.02 * slow,
+        "time_s": time,
+    }
+    instrument = {"pose_rotation_sd_rad": 2e-3, "torque_sd_Nm": 0.02}
+    table = ecm.Table(columns, {"file": {"kind": "continuous"}, "instrument": instrument})
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.answer == ()
+    assert found.family is None
+    assert found.unknown is None or found.unknown.slow_noise is not None

@@ -415,10 +415,12 @@ def find_missing(
         return _with_family(decision, stages.describe)
     slow = slow_noise_of(decision)
     seen = slow is not None and slow.p < settings.level
+    if seen and decision.answer:
+        return _with_family(decision, stages.describe)
     most = max(_LEAST_ROWS_OF_LOG, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
-    if seen and (again.verdict == "none" or again.answer == decision.answer):
-        # Fewer rows do not show what more do beside slow noise, or tell sizes less well.
+    if seen and again.verdict == "none":
+        # Fewer rows do not show what more do beside slow noise.
         return _with_family(decision, stages.describe)
     if slow is None or seen or again.verdict == "none":
         again = replace(again, neighbours_alike=again is not decision)

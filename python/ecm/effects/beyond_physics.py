@@ -116,7 +116,7 @@ class Kink(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """max(0, p - c) of each pair."""
-        column = rows.table.column
+        column = rows.column
         return columns_of_pairs(rows, self.of, lambda name: np.maximum(0.0, column(name) - self.at))
 
 
@@ -172,7 +172,7 @@ class DeadZone(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """-clip(p - c, -w, w) of each pair."""
-        column = rows.table.column
+        column = rows.column
         return columns_of_pairs(
             rows, self.of, lambda name: -np.clip(column(name) - self.at, -self.width, self.width)
         )
@@ -238,7 +238,7 @@ class HigherDegree(LinearEffect):
         """(N, m, k) the powers of each pair."""
         made = []
         for name, other, middle, half in self._terms:
-            at = rows.loaded((rows.table.column(name) - middle) / half)
+            at = rows.loaded((rows.column(name) - middle) / half)
             made += [on_output(rows, other, at**power) for power in self._powers]
         return np.stack(made, axis=2)
 

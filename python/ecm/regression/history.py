@@ -304,8 +304,8 @@ def second_rates(table: Table, values: F) -> F:
     Examples
     --------
     >>> from ecm import as_table
-    >>> table = as_table({"time_s": np.arange(6.0), "x_m": np.arange(6.0) ** 2})
-    >>> second_rates(table, table.matrix(["x_m"]))[:, 0]
+    >>> table = as_table({"time_s": np.arange(6.0), "x_m": 1e-3 * np.arange(6.0) ** 2})
+    >>> 1e3 * second_rates(table, table.matrix(["x_m"]))[:, 0]
     array([0., 0., 2., 2., 0., 0.])
     """
     time, found = table.column("time_s"), np.zeros(values.shape)

@@ -515,6 +515,12 @@ class Rows:
         poses = self.table.matrix(self.base.inputs)
         return np.ascontiguousarray(from_both_sides(self.table, poses) if self.quiet else poses)
 
+    def column(self, name: str) -> F:
+        """(N,) a column of the table, of what the base takes the `quiet` one."""
+        if self.quiet and name in self.base.inputs:
+            return self.poses[:, list(self.base.inputs).index(name)]
+        return self.table.column(name)
+
     @cached_property
     def unloaded(self) -> B:
         """Rows read with the sensor free of the mechanism."""
