@@ -311,8 +311,7 @@ class StressRelaxation(LinearEffect):
         driven = path.material_wrench
         if self.overstress == "linear":
             driven = (path.poses * rows.of_pose) @ rows.mean_stiffness.T
-        parts = [hereditary(rows.table, driven, tau, rows.quiet) for tau in taus]
-        made = np.stack(parts, axis=2)
+        made = np.stack([hereditary(rows.table, driven, tau, rows.quiet) for tau in taus], axis=2)
         if not self.loses:
             return made
         signs = turns(self.loses, rows.mean_stiffness, rows.base.inputs, rows.base.outputs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -288,18 +288,14 @@ def rates(table: Table, values: F) -> F:
     >>> rates(table, table["x_m"])
     array([0.2, 0.2, 0.2, 0.2])
     """
-    time, found = table.column("time_s"), np.zeros(values.shape)
-    for order in order_of_visits(table):
-        moments, first, number = np.unique(time[order], return_index=True, return_inverse=True)
-        if len(moments) > 2:
-            found[order] = np.gradient(values[order[first]], moments, axis=0)[number]
-    return found
+    return _by_moments(table, values, 3, lambda own, time: np.gradient(own, time, axis=0))
 
 
 def second_rates(table: Table, values: F) -> F:
     """Return (N, k) the second derivative of values along a log, by two rows on either side.
 
-    Without the row itself, whose noise would be most of it; 0 at the ends of a run.
+    Without the row itself, whose noise would be most of it; 0 at the ends of a run. Rows of the
+    same time have one, as in `rates`.
 
     Examples
     --------
@@ -308,13 +304,27 @@ def second_rates(table: Table, values: F) -> F:
     >>> 1e3 * second_rates(table, table.matrix(["x_m"]))[:, 0]
     array([0., 0., 2., 2., 0., 0.])
     """
+
+    def bent(own: F, time: F) -> F:
+        between = np.diff(own, axis=0) / np.diff(time)[:, None]
+        middle = 0.5 * (time[1:] + time[:-1])
+        found = np.zeros(own.shape)
+        found[2:-2] = (between[3:] - between[:-3]) / (middle[3:] - middle[:-3])[:, None]
+        return found
+
+    return _by_moments(table, values, 5, bent)
+
+
+def _by_moments(table: Table, values: F, least: int, derived: Callable[[F, F], F]) -> F:
+    """Return a derivative of values (N,) or (N, k) over the times of each run, each time once.
+
+    A run of fewer than `least` moments has none (0).
+    """
     time, found = table.column("time_s"), np.zeros(values.shape)
     for order in order_of_visits(table):
-        t, own = time[order], values[order]
-        rates_between = np.diff(own, axis=0) / np.maximum(np.diff(t), 1e-300)[:, None]
-        middle = 0.5 * (t[1:] + t[:-1])
-        apart = np.maximum(middle[3:] - middle[:-3], 1e-300)[:, None]
-        found[order[2:-2]] = (rates_between[3:] - rates_between[:-3]) / apart
+        moments, first, number = np.unique(time[order], return_index=True, return_inverse=True)
+        if len(moments) >= least:
+            found[order] = derived(values[order[first]], moments)[number]
     return found
 
 
