@@ -33,22 +33,49 @@ def slow_log(seed: int, correlation_s: float) -> ecm.Table:
     )
 
 
-def test_slow_noise_is_no_effect() -> None:
-    """Never a name; one log in a hundred may be `unknown`, here one of three."""
-    verdicts = []
-    for seed in range(3):
-        table = slow_log(seed, 0.3)
-        found = ecm.diagnose(ecm.fit(table, "cubic"), table)
-        assert found.answer == ()
-        verdicts.append(found.verdict)
-        if found.verdict == "none":
-            assert found.rows_used is not None
-            assert 100 <= found.rows_used.used < 500
-            assert "since neighbours err alike" in found.rows_used.sentence()
-        else:
-            assert found.unknown is not None
-            assert found.unknown.slow_noise is not None
-    assert verdicts.count("none") >= 2
+@pytest.mark.parametrize(
+    ("seed", "correlation_s"), [(0, 0.3), (1, 0.3), (2, 0.3), (7, 1.0), (1, 3.0)]
+)
+def test_slow_noise_is_no_effect(seed: int, correlation_s: float) -> None:
+    """The log holds it 40 times and more, and it is as large as it was said to be."""
+    table = slow_log(seed, correlation_s)
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.answer == ()
+    assert found.verdict == "none"
+
+
+def test_slow_noise_is_said_with_its_time() -> None:
+    table = slow_log(7, 1.0)
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    slow = found.slow_noise
+    assert slow is not None
+    assert slow.time_s == pytest.approx(1.0, rel=0.3)
+    warnings = ecm.diagnose(ecm.fit(table, "cubic"), table).warnings
+    assert slow.sentence() in warnings
+
+
+def test_noise_that_stays_alike_for_much_of_the_log_may_be_an_effect() -> None:
+    table = slow_log(1, 12.0)
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.answer == ()
+    assert found.unknown is not None
+    slow = found.unknown.slow_noise
+    assert slow is not None
+    assert 1.5 < slow.time_s < 36.0  # what the base takes of it makes it look faster
+    assert "or an effect as slow" in found.sentence()
+    assert "a pause, or the same motion again" in found.sentence()
+    assert found.to_dict()["unknown"]["slow_noise"]["p"] == slow.p
+
+
+def test_more_than_the_noise_may_be_an_effect() -> None:
+    """What stays alike for a while is three times what the sensor was said to scatter."""
+    table = slow_log(0, 0.3)
+    figures = {"torque_sd_Nm": 0.003, "pose_rotation_sd_rad": 1e-6}
+    meta = {"file": {"kind": "continuous"}, "instrument": figures}
+    found = ecm.diagnose(ecm.fit(table, "cubic"), ecm.Table(table.columns, meta))
+    assert found.answer == ()
+    assert found.unknown is not None
+    assert found.unknown.slow_noise is not None
 
 
 def test_rows_of_white_noise_are_as_many_as_before() -> None:
@@ -94,21 +121,6 @@ def test_friction_of_one_axis_of_six_is_named() -> None:
     assert found.held_out.after < 0.5 * found.held_out.before
 
 
-@pytest.mark.parametrize(("seed", "correlation_s"), [(7, 1.0), (1, 3.0)])
-def test_noise_that_stays_alike_for_seconds_is_no_effect(seed: int, correlation_s: float) -> None:
-    """Too few independent readings to thin the rows: slow noise is fitted beside each effect."""
-    table = slow_log(seed, correlation_s)
-    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
-    assert found.answer == ()
-    assert found.unknown is not None
-    slow = found.unknown.slow_noise
-    assert slow is not None
-    assert 0.5 * correlation_s < slow.time_s < 2.0 * correlation_s
-    assert "or an effect as slow" in found.sentence()
-    assert "a pause, or the same motion again" in found.sentence()
-    assert found.to_dict()["unknown"]["slow_noise"]["p"] == slow.p
-
-
 @pytest.mark.parametrize("id", ["fts_drift", "kink"])
 def test_an_effect_is_still_named_in_slow_noise(id: str) -> None:
     table = slow_log(0, 1.0)
@@ -120,16 +132,6 @@ def test_an_effect_is_still_named_in_slow_noise(id: str) -> None:
     ((members),) = find_missing(ecm.fit(table, "cubic"), table).answer
     assert members[0] == id
     assert len(members) <= 3
-
-
-def test_an_effect_that_slow_noise_does_not_give_is_not_hidden() -> None:
-    """A hundred rows show no kink of half the noise, but beside slow noise it is seen."""
-    table = slow_log(0, 1.0)
-    kink = 0.3 * np.maximum(0.0, table["theta_z_rad"] - 0.15)
-    table = table.with_columns({"tau_z_Nm": table["tau_z_Nm"] + kink})
-    found = find_missing(ecm.fit(table, "cubic"), table)
-    assert found.verdict != "none"
-    assert found.unknown is None or found.unknown.slow_noise is None
 
 
 def test_any_number_of_cores_gives_the_same_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:

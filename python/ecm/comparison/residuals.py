@@ -107,11 +107,6 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
 
 
-def feature_columns(rows: Rows, whitener: F, most: int) -> F:
-    """Return (N, m, q) whitened `features` in each of the m components."""
-    return in_each_component(whitener, features(rows, most)[0])
-
-
 def in_each_component(whitener: F, values: F) -> F:
     """Return (N, m, m q) whitened functions (N, q), each by itself in each of the m components."""
     n, m, q = *whitener.shape[:2], values.shape[1]

@@ -196,13 +196,16 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     freedom = y.size - base.shape[1]
 
     drivers = tuple(_drivers(problem, frozenset(item.id for item in named)))
-    processes = [*(driver.forms for driver in drivers), (_of_pose(problem),)]
+    processes = [
+        [problem.whitener.in_time(form) for form in forms]
+        for forms in (*(one.forms for one in drivers), (_of_pose(problem),))
+    ]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
         fit = bounded_estimate(problem, named, named)
         zero = fit.at_bound & (np.abs(fit.theta) < _ZERO)
         within = (fit.columns >= problem.n_base) & ~zero
-        processes.append((problem.design[:, :, fit.columns[within]],))
+        processes.append([problem.design[:, :, fit.columns[within]]])
     fits = [[_of_sizes(beside_base(form), y) for form in forms] for forms in processes]
     # A process is no more exact than the form of an effect: what that may lose tells nothing, and
     # what may be left without a word is as noise. Nor does what an effect of the model may lose.
@@ -315,7 +318,7 @@ def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterat
     if not step.any():
         return
     side = step / np.maximum(np.linalg.norm(step, axis=1), 0.3)[:, None]
-    stiffness = np.einsum("nij,njk->nik", problem.whitener, rows.stiffness) * spread
+    stiffness = problem.whitener.each @ rows.stiffness * spread
     shifted = stiffness / max(rms(stiffness), 1e-300) * side[:, None, :]
     way = np.concatenate([_free(problem, np.hstack([side, np.tanh(step)])), shifted], axis=2)
     # Of the table: a base may take inputs that the model of a draft does not have.
@@ -437,6 +440,6 @@ def _free(problem: Problem, functions: F) -> F:
 
 def _factors(problem: Problem, functions: F) -> tuple[F, F]:
     """Each function (N, q) as a factor on the wrench (N, m, q), on each component (N, m, m q)."""
-    load = np.einsum("nij,nj->ni", problem.whitener, problem.rows.wrench)[:, :, None]
+    load = problem.whitener.each @ problem.rows.wrench[:, :, None]
     load = load / max(rms(load), 1e-300)
     return load * functions[:, None, :], load * _free(problem, functions)

@@ -22,7 +22,6 @@ from ecm.comparison.residuals import (
     dependence_variables,
     factors,
     features,
-    in_each_component,
 )
 from ecm.comparison.structure import LEAST_STRENGTH
 from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem, omnibus_columns
@@ -38,7 +37,8 @@ from ecm.io.arrays import B, F, lstsq, rest_of
 from ecm.io.columns import JOINTS, unit_of
 from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test, orthonormal
 from ecm.regression.folds import repeat_cells
-from ecm.regression.history import SlowNoise, row_before, speeds
+from ecm.regression.history import row_before, speeds
+from ecm.regression.slow_noise import SlowNoise
 
 _LEFT_SHARE = 0.15
 """Unknown beyond this share of the structure, less by what an effect must explain beyond another
@@ -235,7 +235,7 @@ def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
     outputs = problem.base.outputs
     # Two columns of one frequency; each frequency is a test. The base took its part before.
     freedom = max(0.0, n * (1.0 - problem.base_block.shape[2] / problem.size) - 2.0)
-    load = np.einsum("nij,nj->ni", problem.whitener[counted], problem.rows.wrench[counted])
+    load = (problem.whitener.each @ problem.rows.wrench[:, :, None])[counted, :, 0]
     series = [(outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n)) for j in range(len(outputs))]
     of_each = {words: [(along, own)] for words, along, own in series}
     if len(series) > 1:
@@ -326,7 +326,7 @@ def _memory(problem: Problem) -> Iterator[Pattern]:
         spread = values.std(axis=0)
         lagged = np.where(known[:, None], values[before], values.mean(axis=0))
         lagged = (lagged - values.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
-        free = in_each_component(problem.whitener, lagged)
+        free = problem.in_each_component(lagged)
         beside = Beside.of(problem.response, free, problem.base_block, problem.weights)
         test = beside.with_sign_chance(beside.omnibus_test())
         if np.isfinite(test.F):
@@ -352,7 +352,7 @@ def runs_apart(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None
     run = table.column("run")
     own = (run[:, None] == np.unique(run)[1:]).astype(np.float64)
     own -= own.mean(axis=0)
-    free = in_each_component(problem.whitener, own)
+    free = problem.in_each_component(own)
     every, base = (block.reshape(-1, block.shape[2]) for block in (free, problem.base_block))
     left = (rest_of(base, every) ** 2).sum(axis=0)
     if (left < (1.0 - ABSORBED_SHARE) * (every**2).sum(axis=0)).any():
@@ -525,10 +525,10 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
     y = y - base @ (base.T @ y)
     best: tuple[float, tuple[tuple[str, ...], str]] = (-1.0, ((), outputs[0]))
     changes = np.stack([own for _, own in forms], axis=1)[:, None]
-    load = np.einsum("nij,nj->ni", problem.whitener, rows.wrench)
-    along = {name: problem.whitener[:, :, c] for c, name in enumerate(outputs)} | {_WHOLE: load}
+    along = dict(zip(outputs, np.eye(len(outputs)), strict=True)) | {_WHOLE: rows.wrench}
     for output, direction in along.items():
-        columns = problem.flat(direction[:, :, None] * changes)
+        every = np.broadcast_to(direction, rows.wrench.shape)[:, :, None]
+        columns = problem.flat(problem.whitener @ (every * changes))
         left, size = columns - base @ (base.T @ columns), (columns**2).sum(axis=0)
         gains = (left.T @ y) ** 2 / ((left**2).sum(axis=0) + 1e-9 * size + 1e-300)
         top = int(np.argmax(gains))
@@ -539,7 +539,7 @@ def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
     """Return (feature, component, size in the component's unit) of the terms that explain most."""
     y, q = problem.flat(left), values.shape[1]
-    columns = problem.flat(in_each_component(problem.whitener, values))
+    columns = problem.flat(problem.in_each_component(values))
     total = float(y @ y)
     sizes = np.sqrt((columns**2).sum(axis=0))
     usable = sizes > 1e-9 * sizes.max(initial=0.0)

@@ -7,7 +7,7 @@ name. So only what is significant beside what was taken before is taken out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import compress
@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from scipy import special
 
-from ecm.comparison.residuals import feature_columns
+from ecm.comparison.residuals import features, in_each_component
 from ecm.diagnosis.settings import DEFAULTS, FORM_SHARE, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
@@ -48,7 +48,6 @@ from ecm.regression.noise import (
     is_exact,
     some_rows,
     weighed_by_rest,
-    whiteners,
 )
 from ecm.regression.normal_equations import (
     NormalEquations,
@@ -58,6 +57,7 @@ from ecm.regression.normal_equations import (
     projected_out,
 )
 from ecm.regression.rows import UnknownLength, actuators_of, driven_by, is_whole
+from ecm.regression.slow_noise import SlowPart, Whitener
 
 ABSORBED_SHARE = 1.0 - FORM_SHARE
 """An effect of which a base absorbs more cannot be tested: it leaves no more than its form errs."""
@@ -210,7 +210,7 @@ class LeftOut:
 
 
 def all_score_columns(
-    rows: Rows, whitener: F, effects: Sequence[Effect]
+    rows: Rows, whitener: Whitener, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
     """Return every variant of every effect that has columns, and what cannot be tested."""
     table, base = rows.whole.table, cast(StiffnessMap, rows.base)
@@ -237,14 +237,14 @@ def all_score_columns(
     return [one for _, (own, _) in found for one in own], untestable
 
 
-def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
+def score_columns(rows: Rows, whitener: Whitener, effect: Effect) -> F:
     """Return (N, m, k) whitened derivative of the effect's correction at zero."""
     jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
-    return np.asarray(whitener @ jacobian)
+    return whitener @ jacobian
 
 
 def _half_way(
-    rows: Rows, whitener: F, projection: Projection, y: F, one: ScoreColumns
+    rows: Rows, whitener: Whitener, projection: Projection, y: F, one: ScoreColumns
 ) -> ScoreColumns:
     """Return the columns half way to the values that explain most: they give the whole change.
 
@@ -254,11 +254,15 @@ def _half_way(
     parameters = one.effect.parameters
     values = np.clip(lstsq(own, y), [p.lower for p in parameters], [p.upper for p in parameters])
     columns = whitener @ jacobian_of(one.effect, rows, 0.5 * values)
-    return replace(one, columns=np.asarray(columns))
+    return replace(one, columns=columns)
 
 
 def _refined_shapes(
-    rows: Rows, whitener: F, response: F, every: list[ScoreColumns], projection: Projection
+    rows: Rows,
+    whitener: Whitener,
+    response: F,
+    every: list[ScoreColumns],
+    projection: Projection,
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
     y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
@@ -474,7 +478,7 @@ class Problem:
     groups: I
     scored: B
     """(N,) rows that count in held-out errors."""
-    whitener: F
+    whitener: Whitener
     response: F
     """(N, m)."""
     design: F
@@ -567,6 +571,10 @@ class Problem:
         """Weighted squares of whitened (N, m) numbers."""
         return float((whitened**2).sum(axis=1) @ self.weights)
 
+    def in_each_component(self, values: F) -> F:
+        """(N, m, m q) whitened functions (N, q), each by itself in each of the m components."""
+        return self.whitener.in_time(in_each_component(self.whitener.each, values))
+
     def flat(self, columns: F) -> F:
         """(N m, k) of whitened columns (N, m, k), or (N m,) of (N, m): each row by its weight."""
         root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
@@ -657,10 +665,11 @@ def assemble(
     fit = here = joint_fit(base, (), table, noise)
     if around is not None:
         here = joint_fit(around, (), table, noise, freeze_base=True)
-    base, whitener = here.base, whiteners(noise.covariance(here.rows, here.base.error))
+    base = here.base
+    whitener = noise.whitener(here.rows, base.error)
     rows = here.rows.quieted
     base_block = whitener @ base_columns(rows, base)
-    response = np.einsum("nij,nj->ni", whitener, here.residual)
+    response = whitener @ here.residual
     every, untestable = all_score_columns(rows, whitener, effects)
     weights = _weights(response, base_block, every)
     projection = Projection.of(base_block, np.sqrt(weights))
@@ -692,7 +701,7 @@ def assemble(
         normal=NormalEquations.of(none, response, groups, weights),
         scale=1.0,
         scale_freedom=0,
-        base_error=_base_error(base, rows, whitener),
+        base_error=_base_error(base, rows, whitener.each),
         settings=settings,
     )
     return _filled(bare, base_block, kept, projection)
@@ -749,6 +758,41 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
     return _scaled(replace(problem, candidates=testable, imitators=others))
 
 
+def along_time(problem: Problem, slow: SlowPart) -> Problem:
+    """Return the problem with its rows whitened along time as well, in noise of this slow part."""
+    whitener = Whitener(problem.whitener.each, slow.along(problem.table))
+    response = whitener.in_time(problem.response[:, :, None])[:, :, 0]
+    shapes = [replace(one, columns=whitener.in_time(one.columns)) for one in _shapes_of(problem)]
+    block = whitener.in_time(_coefficients_of(problem))
+    projection = Projection.of(block, np.sqrt(problem.weights))
+    noise = replace(problem.noise, slow=slow)
+    bare = replace(
+        problem, noise=noise, whitener=whitener, response=response, scale=1.0, scale_freedom=0
+    )
+    return _filled(bare, block, shapes, projection)
+
+
+def _coefficients_of(problem: Problem) -> F:
+    """(N, m, b) columns of the base's coefficients in their own size."""
+    block = problem.coefficient_block
+    return block * problem.norms[: block.shape[2]] if problem.n_base else block
+
+
+def _shapes_of(problem: Problem, without: Container[str] = ()) -> list[ScoreColumns]:
+    """Return all shapes of the design, those of some effects left out."""
+    return [
+        ScoreColumns(
+            item.effect,
+            problem.design[:, :, item.columns[0] : item.columns[-1] + 1],
+            imitates,
+            problem.norms[list(item.columns)],
+        )
+        for imitates, items in ((False, problem.candidates), (True, problem.imitators))
+        for item in items
+        if item.id not in without
+    ]
+
+
 def with_forms(
     problem: Problem, forms: Sequence[Effect], columns: Callable[[Effect], F]
 ) -> Problem:
@@ -761,22 +805,9 @@ def with_forms(
     columns
         (N, m, k) whitened `score_columns` of a form.
     """
-    ids = {form.id for form in forms}
-    shapes = [
-        ScoreColumns(
-            item.effect,
-            problem.design[:, :, item.columns[0] : item.columns[-1] + 1],
-            imitates,
-            problem.norms[list(item.columns)],
-        )
-        for imitates, items in ((False, problem.candidates), (True, problem.imitators))
-        for item in items
-        if item.id not in ids
-    ]
+    shapes = _shapes_of(problem, {form.id for form in forms})
     shapes += [ScoreColumns(form, columns(form)) for form in forms]
-    block = problem.coefficient_block
-    if problem.n_base:
-        block = block * problem.norms[: block.shape[2]]
+    block = _coefficients_of(problem)
     weights = _weights(problem.response, block, shapes)
     projection = Projection.of(block, np.sqrt(weights))
     bare = replace(problem, weights=weights, scale=1.0, scale_freedom=0)
@@ -892,7 +923,7 @@ def noise_by_rest(problem: Problem) -> Noise:
     # reading would be left to tell the ratios.
     parts = (problem.coefficient_block, _significant(problem), smooth)
     columns = np.concatenate([part[take] for part in parts], axis=2)
-    in_units = np.linalg.solve(problem.whitener[take], columns)
+    in_units = np.linalg.solve(problem.whitener.each[take], columns)
     return weighed_by_rest(problem.rows, problem.fit.residual, in_units, noise)
 
 
@@ -910,7 +941,7 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
 def omnibus_columns(problem: Problem, most: int = 90) -> F:
     """Return (N, m, q) whitened smooth functions of pose and covariates, in each component."""
     n = len(problem.response)
-    return feature_columns(problem.rows, problem.whitener, max(1, min(most, 90, n // 3)))
+    return problem.in_each_component(features(problem.rows, max(1, min(most, 90, n // 3)))[0])
 
 
 def _base_error(base: StiffnessMap, rows: Rows, whitener: F) -> float:

@@ -44,6 +44,7 @@ from ecm.diagnosis.problem import (
     Candidate,
     Problem,
     Projection,
+    along_time,
     assemble,
     base_beside,
     noise_by_rest,
@@ -81,9 +82,9 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import addition_to
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.history import SlowNoise, correlation_of_rest, order_of_visits, slow_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
+from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
 
 _RELINEARISED = 2
 """Most fits of the base beside what was found, around which the effects are looked for again: of
@@ -130,7 +131,7 @@ def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessM
 def _tells_less_than_half(problem: Problem) -> bool:
     """Whether the base leaves more than half of the spread of most components."""
     wrench = problem.rows.wrench
-    spread = np.einsum("nij,nj->ni", problem.whitener, wrench - wrench.mean(axis=0))
+    spread = np.einsum("nij,nj->ni", problem.whitener.each, wrench - wrench.mean(axis=0))
     shares = problem.rms(residual_after(problem, ())) / problem.rms(spread)
     return bool(np.median(shares) > _BY_ITSELF)
 
@@ -164,7 +165,7 @@ def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
     """Return the error after base and accepted effects, over the noise of this or another base."""
     problem, effects = decision.problem, decision.accepted.effects
     whitened = residual_after(problem, effects)[:, :, None]
-    residual = np.asarray(np.linalg.solve(problem.whitener, whitened)[:, :, 0])
+    residual = problem.whitener.back(whitened)[:, :, 0]
     return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
 
 
@@ -183,46 +184,90 @@ def _error(
 ) -> float:
     """Return the error over the noise of a residual (N, m), per degree of freedom."""
     freedom = problem.size - coefficients - sum(item.parameters for item in effects)
-    squares = problem.squares_of(np.einsum("nij,nj->ni", problem.whitener, residual))
+    squares = problem.squares_of(np.einsum("nij,nj->ni", problem.whitener.each, residual))
     return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
 
 
-_MOST_ROWS, _APART = 600, 3
-"""Rows that are used, evenly over the log: neighbours of slow noise tell the same, and their poses
-(`Rows.quiet`) hold the noise of each other. Beside slow noise only changes count, and that noise
-would be most of them."""
+_APART, _MOST_PASSES = 3, 3
+"""Of rows whose noise has a slow part one in three is used: only changes count beside it, and the
+poses of neighbours (`Rows.quiet`) hold the noise of each other, which would be most of them."""
 
 
-def slow_noise_of(decision: Decision) -> SlowNoise | None:
-    """Return the noise of a log with its slow part; None without a time or where it is white.
+def in_slow_noise(
+    white: Decision, of_rows: Callable[[DiagnosisSettings, SlowPart], Decision], stages: Stages
+) -> Decision:
+    """Go through the stages again where neighbours of a log err alike, and choose the answer.
 
-    All shapes of all effects are looked for beside it, and in noise drawn from its fit. So an
-    effect that repeats itself, or a steady one, is seen, and a bend that slow noise makes as well
-    is not.
+    Names count that lower the BIC of slow noise, with and without them that which suits best. Those
+    of white noise stand; else those do that are found beside the slow part, where it is most of a
+    noise of known size. What is less may be what a form leaves; of more than the noise, or of one
+    of which nothing is known, an effect without a name may be a part: then the answer of white
+    noise stands where anything is seen. Where nothing is, and it may be more than noise or lasts
+    for much of the log, these rows cannot tell.
+
+    Parameters
+    ----------
+    white
+        The answer where each row errs by itself.
+    of_rows
+        Goes through the stages with other settings and beside a slow part.
     """
-    problem = decision.problem
-    if not problem.table.has("time_s"):
+    problem, found = white.problem, white
+    slow = _slow_part(problem, white.accepted.effects)
+    if slow is None:
+        return white
+    most = max(LEAST_ROWS, min(problem.settings.most_rows, len(problem.table.full) // _APART))
+    for _ in range(1 if problem.noise.is_assumed else _MOST_PASSES):
+        before = {item.id for item in found.accepted.effects}
+        found = of_rows(replace(problem.settings, most_rows=most), slow)
+        slow = _slow_part(found.problem, found.accepted.effects) or slow
+        if {item.id for item in found.accepted.effects} == before:
+            break
+    alone = _slow_part(found.problem, ()) or slow
+    said = alone.said(found.problem.table, found.gate.p)
+    left = found.problem.whitener.along_rows(residual_after(found.problem, found.accepted.effects))
+    squares = found.problem.squares_of(left) / found.problem.size
+    known = not problem.noise.is_assumed and squares < _KNOWN
+
+    def is_seen(decision: Decision) -> bool:
+        here = _alike(found.problem, decision.accepted.effects)
+        beside = _slow_part(found.problem, here)
+        parameters = sum(item.parameters for item in here)
+        least = parameters * float(np.log(found.problem.size)) + problem.settings.least_bic
+        fall = np.inf if beside is None else alone.deviance - beside.deviance
+        return bool(decision.answer) and fall > least
+
+    if found.verdict == "none":
+        unclear = not known or said.lasts
+    elif is_seen(white) or not known or float(np.mean(slow.share)) < _MOST:
+        return white
+    elif found.answer:
+        unclear = not is_seen(found)
+    else:
+        pattern = found.unknown.pattern if found.unknown else None
+        unclear = pattern is not None and pattern.period is None and pattern.variable in _OF_TIME
+    if not unclear:
+        return found
+    columns = {"variables": ("time_s",), "slow_noise": said}
+    return white.without_names(stages.describe, said.words(), **columns)
+
+
+_OF_TIME = "time_s", "row"
+
+
+def _slow_part(problem: Problem, effects: Sequence[Candidate]) -> SlowPart | None:
+    """Return the slow part of what effects leave, each row over its own noise."""
+    if not problem.table.continuous:
         return None
-    orders = order_of_visits(problem.table)
-    stride = max(_APART, 1 + sum(map(len, orders)) // _MOST_ROWS)
-    orders = [order[::stride] for order in orders]
-    rows = np.concatenate(orders)
-    root = np.sqrt(problem.weights[rows])[:, None]
-    columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
-    place = {int(c): i for i, c in enumerate(columns)}
-    return slow_noise(
-        problem.table.column("time_s")[rows],
-        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
-        problem.response[rows] * root,
-        problem.base_block[rows] * root[:, :, None],
-        problem.design[rows][:, :, columns] * root[:, :, None],
-        [tuple(place[c] for c in item.columns) for item in problem.candidates],
-    )
+    root = np.sqrt(problem.weights)[:, None]
+    left = problem.whitener.along_rows(residual_after(problem, effects))
+    return slow_part(problem.table, left * root)
 
 
-_LEAST_ROWS_OF_LOG = 100
-"""Least rows used of a log whose neighbours err alike; else as many as would tell as much if they
-were independent."""
+_KNOWN = 1.5
+"""What is left over the noise, in squares, below which it may all be noise."""
+_MOST = 0.5
+"""Share of the slow part, on average over the components, above which it is most of the noise."""
 _OTHER_BODY_SINGLE = 1.5
 """Structure left beside one name, in noise units, from which the body is doubted."""
 _OTHER_BODY_SEVERAL = 0.5
@@ -399,34 +444,23 @@ def find_missing(
     ()
     """
 
-    def of_rows(limits: DiagnosisSettings) -> Decision:
+    def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
         prepared = prepare(model, table, effects, limits)
         against = partial(
-            decide, prepared=prepared, seed=seed, noise=noise, settings=limits, stages=stages
+            decide,
+            prepared=prepared,
+            seed=seed,
+            noise=noise,
+            settings=limits,
+            stages=stages,
+            slow=slow,
         )
         return _against_the_bases(model, prepared, against, stages)
 
     decision = of_rows(settings)
     if decision.verdict == "none" or decision.misread:
         return decision
-    rest = residual_after(decision.problem, decision.accepted.effects)
-    alike = correlation_of_rest(decision.problem.table, rest)
-    if alike is None:
-        return _with_family(decision, stages.describe)
-    slow = slow_noise_of(decision)
-    seen = slow is not None and slow.p < settings.level
-    if seen and decision.answer:
-        return _with_family(decision, stages.describe)
-    most = max(_LEAST_ROWS_OF_LOG, alike.independent)
-    again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
-    if seen and again.verdict == "none":
-        # Fewer rows do not show what more do beside slow noise.
-        return _with_family(decision, stages.describe)
-    if slow is None or seen or again.verdict == "none":
-        again = replace(again, neighbours_alike=again is not decision)
-        return _with_family(again, stages.describe)
-    said = {"variables": ("time_s",), "slow_noise": slow}
-    return decision.without_names(stages.describe, slow.words(), **said)
+    return _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
 
 
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
@@ -436,8 +470,9 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     nothing is likeliest they are chance.
     """
     problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
-    of_runs = unknown is not None and unknown.variables == ("run",)
-    if decision.misread or of_runs or not (decision.answer or unknown):
+    if decision.misread or not (decision.answer or unknown):
+        return decision
+    if unknown is not None and (unknown.slow_noise or unknown.variables == ("run",)):
         return decision
     chances = posterior(problem, accepted.effects)
     if unknown is None:
@@ -492,8 +527,9 @@ def decide(
     noise: Noise | None = None,
     settings: DiagnosisSettings = DEFAULTS,
     stages: Stages = STAGES,
+    slow: SlowPart | None = None,
 ) -> Decision:
-    """Go through the stages against one base."""
+    """Go through the stages against one base, in noise with this slow part."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
@@ -503,6 +539,8 @@ def decide(
     grown = with_load_growth(problem.noise, noise_effects)
     if grown is not problem.noise:
         problem = stages.assemble(problem.base, problem.table, effects, grown, settings)
+    if slow is not None:
+        problem = along_time(problem, slow)
     if held := _held(problem, prepared):
         problem = replace(problem, held=held)
 

@@ -353,11 +353,11 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         family=decision.family,
         held_out=_held_out(problem, accepted, ceiling),
         signature=signature_shares(
-            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+            problem.rows, problem.response, problem.whitener.each, problem.weights, problem.scale
         ),
         next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
         outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
-        rows_used=_rows_used(problem, decision.neighbours_alike),
+        rows_used=_rows_used(problem),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
@@ -392,7 +392,7 @@ def upper_bound(test: FTest, size: int) -> float:
     return float(np.sqrt(special.chndtrinc(squares, test.dof, 0.05) / size))
 
 
-def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
+def _rows_used(problem: Problem) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
     if problem.table.sampled_from is None:
         return None
@@ -401,8 +401,7 @@ def _rows_used(problem: Problem, alike: bool) -> RowsUsed | None:
         f"chance {POWER:g}; from {LEAST_STRENGTH:g} structure counts as more than the base's own "
         "error"
     )
-    how = "as many as tell more, since neighbours err alike; " * alike + HOW
-    return RowsUsed(len(problem.table.sampled_from), len(problem.table), how, enough)
+    return RowsUsed(len(problem.table.sampled_from), len(problem.table), HOW, enough)
 
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
@@ -493,6 +492,8 @@ def _warnings(decision: Decision, final: JointFit) -> Iterator[str]:
         yield prepared.misread.sentence()
     yield from stated_numbers(problem, final)
     yield from _of_noise(problem)
+    if decision.slow_noise is not None and decision.unknown is None:
+        yield decision.slow_noise.sentence()
     yield from negative_payload(final.effects if decision.answer else ())
     yield from path_taken(problem.table, [id for members in decision.answer for id in members])
     yield from decision.warnings

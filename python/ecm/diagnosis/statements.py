@@ -520,7 +520,7 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
         return []
     use = problem.scored & (problem.weights > 0.9)
     residual, unfitted = _residual(problem, use)
-    whitener = problem.whitener[use]
+    whitener = problem.whitener.each[use]
 
     def found(effect: NoiseEffect, j: int) -> NoiseFinding:
         parameter = effect.parameters[j]

@@ -46,6 +46,7 @@ from ecm.diagnosis.statements import (
 from ecm.effects import Missing
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.f_test import OUTLIER_CHANCE
+from ecm.regression.slow_noise import SlowNoise
 
 Headline = Literal["none", "named", "ambiguous", "family", "unknown"]
 Describe = Callable[..., Unknown]
@@ -69,8 +70,6 @@ class Decision:
     warnings: tuple[str, ...] = ()
     family: Family | None = None
     """What drives the missing effect, where its form is not known."""
-    neighbours_alike: bool = False
-    """Whether fewer rows of a log were used, since its neighbours err alike."""
     refinements: tuple[Refinement, ...] = ()
     """Richer forms of the effects that the search chose first."""
 
@@ -88,6 +87,13 @@ class Decision:
     def without_effects(self) -> Posterior:
         """How likely each driver, the pose and nothing are, without a named effect."""
         return posterior(self.problem)
+
+    @property
+    def slow_noise(self) -> SlowNoise | None:
+        """Slow part of the noise of a log; None where there is none."""
+        problem = self.problem
+        slow = problem.noise.slow
+        return None if slow is None else slow.said(problem.table, self.gate.p)
 
     @property
     def misread(self) -> bool:

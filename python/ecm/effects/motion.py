@@ -34,18 +34,19 @@ _EXPONENTS = (1.0, 0.3)
 """Damping in proportion to the velocity, or nearly without it as in rubber."""
 
 
-def velocity_of(table: Table, name: str) -> F:
+def velocity_of(table: Table, name: str, wide: bool = False) -> F:
     """(N,) the column v_..., or differences of a pose column over time in each run."""
     if table.has(f"v_{name}"):
         return table.column(f"v_{name}")
-    return rates(table, table.column(name))
+    return rates(table, table.column(name), wide)
 
 
-def velocity(table: Table) -> F:
+def velocity(rows: Rows) -> F:
     """(N, 6) of the columns v_...; of a continuous table differences of the poses in each run."""
+    table = rows.table
     if table.has(*VELOCITY):
         return table.matrix(VELOCITY)
-    return rates(table, table.matrix(POSE))
+    return rates(table, table.matrix(POSE), rows.quiet)
 
 
 def needs_velocity(table: Table) -> Missing | None:
@@ -130,12 +131,12 @@ class ViscousDamping(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """Velocity: a column of translation and one of rotation, or one for each pair."""
         if self.of is not None:
-            return columns_of_pairs(rows, self.of, lambda name: self._along(rows.table, name))
-        return _translation_and_rotation(velocity(rows.table), rows)
+            return columns_of_pairs(rows, self.of, lambda name: self._along(rows, name))
+        return _translation_and_rotation(velocity(rows), rows)
 
-    def _along(self, table: Table, name: str) -> F:
+    def _along(self, rows: Rows, name: str) -> F:
         """(N,) sign(v) |v|^a of one pose column."""
-        moving = velocity_of(table, name)
+        moving = velocity_of(rows.table, name, rows.quiet)
         return np.asarray(np.sign(moving) * np.abs(moving) ** self.exponent)
 
 
@@ -167,7 +168,7 @@ class Inertia(LinearEffect):
         table = rows.table
         if rows.quiet and not table.has(*VELOCITY):
             return _translation_and_rotation(second_rates(table, table.matrix(POSE)), rows)
-        return _translation_and_rotation(rates(table, velocity(table)), rows)
+        return _translation_and_rotation(rates(table, velocity(rows)), rows)
 
 
 class TimeSkew(LinearEffect):
@@ -192,7 +193,7 @@ class TimeSkew(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """K p'."""
-        return np.asarray(rows.stiffness @ velocity(rows.table)[:, :, None])
+        return np.asarray(rows.stiffness @ velocity(rows)[:, :, None])
 
 
 def _translation_and_rotation(values: F, rows: Rows) -> F:

@@ -25,9 +25,9 @@ from ecm.regression.noise import (
     noise_source,
     reml_noise,
     shared_zero_error,
-    whiteners,
 )
 from ecm.regression.rows import Rows, is_whole
+from ecm.regression.slow_noise import Whitener
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,8 @@ def joint_fit(
     table
         N measured rows.
     noise
-        Gives Sigma_i (m, m).
+        Gives Sigma_i (m, m), and the slow part of the noise of a log: beside one the rows are
+        whitened along time as well.
     row_weights
         (N,) robust weights w_i; default 1.
     freeze_base
@@ -195,9 +196,10 @@ def joint_fit(
     kept = kept or {}
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
     at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
-    rows = Rows(table, base, dict(kept))
+    # In slow noise changes count alone, of which the noise of the poses would be the most.
+    rows = Rows(table, base, dict(kept), quiet=noise.slow is not None and table.continuous)
     root = None if row_weights is None else np.sqrt(row_weights)
-    whitener = whiteners(noise.covariance(rows, base.error))
+    whitener = noise.whitener(rows, base.error)
     priors = [] if prior is None else [prior]
     if base.prior is not None and at.free_base:
         mean, sd = base.prior
@@ -216,7 +218,7 @@ def joint_fit(
     rows, residual, z = here.rows, here.residual, here.columns
     size, products = unit_products(here.flat)
     least = at.least_effects(size, products)
-    y = np.einsum("nij,nj->ni", whitener, residual)
+    y = whitener @ residual
     covariance = np.asarray(least @ covariance_of(size, products) @ least.T)
     # Change of the parameters by one standard deviation of an error that all rows share.
     shared = whitener @ shared_zero_error(rows, residual, noise)
@@ -229,7 +231,7 @@ def joint_fit(
     return JointFit(
         base=at.base,
         effects=at.each(sd, lambda item, own: replace(item, sd=own)),
-        rows=rows,
+        rows=rows.measured,
         residual=residual,
         whitened=y,
         design=z,
@@ -265,7 +267,7 @@ class _Data:
     """What a fit is fitted to."""
 
     measured: F
-    whitener: F
+    whitener: Whitener
     root: F | None
     """(N,) square roots of the rows' weights; None where all count alike."""
     priors: list[CoefficientPrior]
@@ -286,7 +288,7 @@ class _Data:
 
     def _weighted(self, residual: F) -> F:
         """(N m,) whitened residual by the weights of the rows."""
-        y = np.einsum("nij,nj->ni", self.whitener, residual)
+        y = self.whitener @ residual
         return np.ravel(y if self.root is None else y * self.root[:, None])
 
     def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
@@ -335,7 +337,7 @@ class _Data:
         """Where a step leads; None where it cannot be evaluated."""
         moved, around = at.moved(step), rows
         if at.free_base:
-            around = Rows(rows.table, moved.base, dict(self.kept))
+            around = replace(rows, base=moved.base, of_fit=dict(self.kept))
         try:
             residual, known = moved.residual(around, self.measured)
         except ModelError:
@@ -407,7 +409,7 @@ class _At:
 
     def residual(self, rows: Rows, measured: F) -> tuple[F, list[F | None]]:
         """(N, m) residual, and the columns of each effect that it followed from."""
-        prediction, known = rows.sensor_load.copy(), []
+        prediction, known = rows.measured.sensor_load.copy(), []
         for item in self.effects:
             columns = None if item.frozen else linear_columns(item.effect, rows)
             if columns is None:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
-from ecm.regression.f_test import orthonormal
-from ecm.regression.normal_equations import explained_by_blocks, in_threads
 
 
 def pose_before(table: Table, rest_pose: F) -> F:
@@ -270,16 +268,16 @@ def speeds(table: Table) -> dict[str, F]:
     if not table.has("time_s") or not table.pose_columns:
         return {}
     continuous = table.continuous
-    rate = rates if continuous else _rate_of_way
+    rate = partial(rates, wide=True) if continuous else _rate_of_way
     found = _moving({f"v_{name}": rate(table, table.column(name)) for name in table.pose_columns})
     return found if continuous else {n: v for n, v in found.items() if n == "speed"}
 
 
-def rates(table: Table, values: F) -> F:
+def rates(table: Table, values: F, wide: bool = False) -> F:
     """Return the change of values (N,) or (N, k) over time, by the rows on both sides in each run.
 
     Rows of the same time have one rate, that of the first of them; a run of fewer than three
-    moments has none (0).
+    moments has none (0). The `wide` ones of a log are over as many rows as the noise asks for.
 
     Examples
     --------
@@ -288,7 +286,43 @@ def rates(table: Table, values: F) -> F:
     >>> rates(table, table["x_m"])
     array([0.2, 0.2, 0.2, 0.2])
     """
-    return _by_moments(table, values, 3, lambda own, time: np.gradient(own, time, axis=0))
+    along = _over_several if wide and table.continuous else partial(_over_one, 1)
+    return _by_moments(table, values, 3, along)
+
+
+def _over_one(k: int, own: F, time: F) -> F:
+    """Return the change of values (n, ...) over time between the kth rows on both sides."""
+    n = np.arange(len(own))
+    before, after = np.maximum(n - k, 0), np.minimum(n + k, len(own) - 1)
+    if k == 1:
+        return np.asarray(np.gradient(own, time, axis=0))
+    change, step = own[after] - own[before], time[after] - time[before]
+    return np.asarray(change / step.reshape(-1, *[1] * (own.ndim - 1)))
+
+
+def _over_several(own: F, time: F) -> F:
+    """Return the change of each column (n, ...) over rows as far apart as its noise asks for.
+
+    As long as values bend no more over twice as many rows, what bends them is noise.
+    """
+    if own.ndim == 1:
+        return _over_several(own[:, None], time)[:, 0]
+    found = _over_one(1, own, time)
+    bends = np.diff(own, 2, axis=0)
+    if len(bends) < 2:
+        return found
+    noisy = (bends[1:] * bends[:-1] < 0.0).mean(axis=0) > _OPPOSITE
+    size, k = np.median(np.abs(bends), axis=0), 1
+    while noisy.any() and 4 * k < len(own):
+        k *= 2
+        wide = np.median(np.abs(own[2 * k :] - 2.0 * own[k:-k] + own[: -2 * k]), axis=0)
+        noisy = noisy & (wide < _BENT * size)
+        found = np.where(noisy, _over_one(k, own, time), found)
+    return found
+
+
+_BENT = 1.5
+"""Bends over more rows beyond so many times those of neighbours are the path's own."""
 
 
 def second_rates(table: Table, values: F) -> F:
@@ -349,8 +383,6 @@ def _rate_of_way(table: Table, values: F) -> F:
 
 _MANY = 2**17
 """Longer runs are taken in every so many rows: their correlation time has many steps."""
-_DEPENDENT = 0.5
-"""Correlation of neighbours above which the rows of a log are no independent readings."""
 
 
 @dataclass(frozen=True)
@@ -415,42 +447,6 @@ def correlation_time(table: Table) -> CorrelationTime | None:
     )
 
 
-def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
-    """Return how long the residual of a continuous test stays correlated; None: not at all.
-
-    Neighbours that share less than half of it are taken as independent: then most is the noise of
-    each sample.
-
-    Parameters
-    ----------
-    rest
-        (N, m) residual of the rows of the table.
-
-    Examples
-    --------
-    >>> import ecm
-    >>> time = 0.01 * np.arange(100)
-    >>> meta = {"file": {"kind": "continuous"}}
-    >>> table = ecm.Table({"x_m": time, "fx_N": time, "time_s": time}, meta)
-    >>> correlation_of_rest(table, np.cos(time / 0.05)[:, None]).independent < 50
-    True
-    """
-    if not table.continuous:
-        return None
-    times, steps = [], []
-    for rows, step, stride in _runs(table):
-        found = [
-            _integral(own[::stride])
-            for own in rest[rows].T
-            if own.std() > 0.0 and own[1:] @ own[:-1] > _DEPENDENT * (own @ own)
-        ]
-        times.append(max([value or 1.0 for value in found], default=1.0) * step * stride)
-        steps.append(step)
-    if not times or max(times) <= 2.0 * max(steps):
-        return None
-    return CorrelationTime(float(np.mean(times)), float(np.median(steps)), len(table))
-
-
 def _runs(table: Table) -> Iterator[tuple[I, float, int]]:
     """Rows of each run that lasts, their median step in s, and every how manyth row is taken."""
     for rows in order_of_visits(table):
@@ -471,206 +467,3 @@ def _integral(values: F) -> float | None:
     below = np.flatnonzero(correlation <= 0.0)
     last = int(below[0]) if len(below) else len(correlation)
     return max(1.0, 1.0 + 2.0 * float(correlation[1:last].sum()))
-
-
-_DRAWS, _SEED = 199, 11
-_TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
-_LEAST_ROWS = 30
-"""Slow noise can explain any residual of fewer rows."""
-_MOST_NUMBERS = 4_000_000
-"""Filtered numbers that a thread holds at once."""
-
-
-@dataclass(frozen=True)
-class SlowNoise:
-    """Noise with a slow part, and whether columns explain more than it does.
-
-    Examples
-    --------
-    >>> SlowNoise(3.0, 0.9, 0.2).words()
-    'noise that stays correlated for about 3 s, or an effect as slow: these rows cannot tell'
-    """
-
-    time_s: float
-    """Time in which the slow part falls to 1/e."""
-    share: float
-    """Its share of the variance."""
-    p: float
-    """Chance that such noise gives any of the columns as much."""
-
-    def words(self) -> str:
-        """Return it in plain words."""
-        return (
-            f"noise that stays correlated for about {self.time_s:.2g} s, or an effect as slow: "
-            "these rows cannot tell"
-        )
-
-
-def slow_noise(
-    time_s: F,
-    orders: Sequence[I],
-    response: F,
-    base: F,
-    columns: F,
-    blocks: Sequence[tuple[int, ...]],
-) -> SlowNoise | None:
-    """Fit noise with a slow part and test the columns beside it.
-
-    None where the noise is white, and where the runs have fewer than 30 rows.
-
-    Parameters
-    ----------
-    time_s
-        (N,) of the rows.
-    orders
-        Rows of each run, in the order of time; other rows, and runs without duration, are left out.
-    response
-        (N, m) residual over its noise.
-    base
-        (N, m, b) columns that are free.
-    columns
-        (N, m, k) columns that are looked for.
-    blocks
-        Columns that belong together.
-
-    Examples
-    --------
-    >>> random = np.random.default_rng(0)
-    >>> time = np.arange(300.0)
-    >>> walk = np.convolve(random.standard_normal(340), 0.8 ** np.arange(41), "valid")[:, None]
-    >>> nothing, trend = np.ones((300, 1, 1)), (time / 300.0).reshape(300, 1, 1)
-    >>> found = slow_noise(time, [np.arange(300)], walk, nothing, trend, [(0,)])
-    >>> 2.0 < found.time_s < 10.0 and found.p > 0.01
-    True
-    """
-    orders = [rows for rows in orders if len(rows) > 1 and time_s[rows[-1]] > time_s[rows[0]]]
-    if sum(map(len, orders)) < _LEAST_ROWS:
-        return None
-    order = np.concatenate(orders)
-    response, columns = response[order][:, :, None], columns[order]
-    # Of unit length and at right angles, so that the filter leaves products that can be inverted.
-    own = base[order]
-    basis = orthonormal(own.reshape(-1, own.shape[2])).reshape(*own.shape[:2], -1)
-    gaps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
-    # Clocks that are rounded repeat a time.
-    steps, later = np.maximum(gaps, 1e-9), gaps[np.isfinite(gaps) & (gaps > 0.0)]
-    longest = float(max(np.ptp(time_s[rows]) for rows in orders))
-    times = np.geomspace(float(np.median(later)), longest / 4.0, _TIMES)
-    grid = np.array([(0.0, 0.0), *((t, share) for t in times for share in _SHARES)])
-    shares = _of_components(steps, grid, basis, response)
-    first = _deviances(steps, grid[:, 0], shares, basis, columns, response, ())
-    best = int(np.argmin(first[0][:, 0]))
-    if best == 0:
-        return None
-    drawn = _drawn(steps, float(grid[best, 0]), shares[best])
-    responses = np.concatenate([response, drawn], axis=2)
-    null, with_block = _deviances(steps, grid[:, 0], shares, basis, columns, responses, blocks)
-    # Each with the noise that suits it best; the block that gains most, as it was chosen.
-    gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0, initial=-np.inf)
-    p = (1.0 + float((gains[1:] >= gains[0]).sum())) / len(gains)
-    return SlowNoise(float(grid[best, 0]), float(grid[best, 1]), p)
-
-
-def _of_components(steps: F, grid: F, basis: F, response: F) -> F:
-    """Return (g, m) the share of the slow part of each component at each place of the grid.
-
-    That of the component with the most is the share of the place: an axis whose noise comes from
-    the pose has less of it than one whose noise is the sensor's.
-    """
-    n, m, _ = response.shape
-    flat = basis.reshape(n * m, -1)
-    rest = (response.ravel() - flat @ (flat.T @ response.ravel())).reshape(n, m, 1)
-    alike = np.repeat(grid[:, 1:], m, axis=1)
-    innovations, level = _filtered(steps, grid[:, 0], alike, rest)
-    squares = (innovations.reshape(len(grid), n, m) ** 2).sum(axis=1)
-    deviance = n * np.log(np.maximum(squares, 1e-300)) + level
-    time = grid[np.unravel_index(int(np.argmin(deviance)), deviance.shape)[0], 0]
-    own = np.flatnonzero((grid[:, 0] == time) | (grid[:, 1] == 0.0))
-    found = grid[own[np.argmin(deviance[own], axis=0)], 1]
-    odds = found / (1.0 - found)
-    if not odds.any():
-        return alike
-    odds = grid[:, 1:] / (1.0 - grid[:, 1:]) * (odds / odds.max())
-    return np.asarray(odds / (1.0 + odds))
-
-
-def _drawn(steps: F, time_s: float, share: F) -> F:
-    """Return (N, m, draws) noise of the given correlation time and shares (m,) of the slow part.
-
-    `steps` (N,) are the times since the row before, infinite where a run begins.
-    """
-    n, m, random = len(steps), len(share), np.random.default_rng(_SEED)
-    share = share[:, None]
-    slow = random.standard_normal((n, m, _DRAWS))
-    keep = np.exp(-steps / time_s)
-    for i in range(1, n):
-        slow[i] = keep[i] * slow[i - 1] + np.sqrt(1.0 - keep[i] ** 2) * slow[i]
-    white = random.standard_normal((n, m, _DRAWS))
-    return np.asarray(np.sqrt(share) * slow + np.sqrt(1.0 - share) * white)
-
-
-def _deviances(
-    steps: F,
-    times: F,
-    shares: F,
-    base: F,
-    columns: F,
-    responses: F,
-    blocks: Sequence[tuple[int, ...]],
-) -> tuple[F, F]:
-    """Return -2 log likelihoods: (g, r) with the base, (g, blocks, r) with each block beside it."""
-    n, m, r = responses.shape
-    wide = [base, columns, responses] if blocks else [base, responses]
-    everything = np.concatenate(wide, axis=2)
-    at_once = max(1, _MOST_NUMBERS // everything.size)
-    size, b = n * m, base.shape[2]
-    null, beside = np.empty((len(times), r)), np.empty((len(times), len(blocks), r))
-    penalty = np.array([len(block) for block in blocks]).reshape(-1, 1) * np.log(size)
-
-    def fill(start: int) -> None:
-        part = slice(start, start + at_once)
-        innovations, log_determinant = _filtered(steps, times[part], shares[part], everything)
-        for g, flat in enumerate(innovations):
-            products = _beside_first(flat.T @ flat, b)
-            squares = np.diag(products)[-r:]
-            level = log_determinant[g].sum()
-            null[start + g] = size * np.log(squares / size) + level
-            equations = products[:-r, :-r], products[:-r, -r:]
-            gains = explained_by_blocks(equations, equations, blocks)
-            left = np.maximum(squares - gains, 1e-12 * squares)
-            beside[start + g] = size * np.log(left / size) + level + penalty
-
-    in_threads(fill, range(0, len(times), at_once))
-    return null, beside
-
-
-def _beside_first(products: F, first: int) -> F:
-    """Return the products (q, q) of the columns after the first ones, these projected out."""
-    if not first:
-        return products
-    factor = np.linalg.cholesky(products[:first, :first])
-    along = solve_triangular(factor, products[:first, first:], lower=True, check_finite=False)
-    return np.asarray(products[first:, first:] - along.T @ along)
-
-
-def _filtered(steps: F, times: F, share: F, values: F) -> tuple[F, F]:
-    """Return (g, N m, q) whitened values (N, m, q) and (g, m) log determinants.
-
-    Of slow parts of times (g,) and of shares (g, m) of each component.
-    """
-    n, m, q = values.shape
-    times = np.maximum(times, 1e-300)
-    out = np.empty((len(times), n, m, q))
-    state, variance = np.zeros((len(times), m, q)), share.copy()
-    log_determinant = np.zeros(share.shape)
-    for i in range(n):
-        keep = np.exp(-steps[i] / times)[:, None]
-        state = keep[:, :, None] * state
-        variance = keep**2 * variance + (1.0 - keep**2) * share
-        total = variance + 1.0 - share
-        error = values[i] - state
-        out[:, i] = error / np.sqrt(total)[:, :, None]
-        state += (variance / total)[:, :, None] * error
-        variance = variance * (1.0 - share) / total
-        log_determinant += np.log(total)
-    return out.reshape(len(times), n * m, q), log_determinant

@@ -29,6 +29,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
+from ecm.regression.slow_noise import SlowPart, Whitener
 
 Source = Literal["repeats", "declared", "assumed"]
 _FIGURES = ("position_sd_m", "rotation_sd_rad", "force_sd_N", "torque_sd_Nm")
@@ -65,6 +66,8 @@ class Noise:
     components: tuple[float, ...] | None = None
     growth_per_N: float = 0.0
     growth_per_Nm: float = 0.0
+    slow: SlowPart | None = None
+    """Part of the noise of a log that stays alike for a while."""
 
     @property
     def is_assumed(self) -> bool:
@@ -113,6 +116,11 @@ class Noise:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
         return np.asarray(covariance)
+
+    def whitener(self, rows: Rows, base_error: F | None = None) -> Whitener:
+        """What makes the noise of rows independent and of variance 1."""
+        along = None if self.slow is None else self.slow.along(rows.table)
+        return Whitener(whiteners(self.covariance(rows, base_error)), along)
 
     def pose_sd(self, inputs: Sequence[str]) -> F:
         """(n,) standard deviations of pose columns."""

@@ -198,9 +198,9 @@ def _linear_fit(problem: Problem, chosen: Sequence[Candidate], row: I) -> dict[s
     at = evenly(len(row), _ROWS_OF_EFFECTS)
     whole = problem.equations[0]
     inner = whole[np.ix_(base, base)] + RIDGE * np.diag(np.diag(whole)[base])
-    design = problem.design[at]
+    design = problem.design
     beside = design[:, :, take] - design[:, :, base] @ np.linalg.solve(inner, whole[base][:, take])
-    values = np.linalg.solve(problem.whitener[at], beside)
+    values = problem.whitener.back(beside)[at]
     # Two bytes a number: a figure shows no more.
     step = np.maximum(np.abs(values).max(axis=(0, 1), initial=0.0), 1e-300) / _FINEST
     return {
