@@ -50,8 +50,10 @@ def test_slow_noise_is_said_with_its_time() -> None:
     slow = found.slow_noise
     assert slow is not None
     assert slow.time_s == pytest.approx(1.0, rel=0.3)
-    warnings = ecm.diagnose(ecm.fit(table, "cubic"), table).warnings
-    assert slow.sentence() in warnings
+    report = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert slow.sentence() in report.warnings
+    # To a comparison it looks like structure: the model lacked "what is too weak to be named".
+    assert report.model.answer == "fits"
 
 
 def test_noise_that_stays_alike_for_much_of_the_log_may_be_an_effect() -> None:

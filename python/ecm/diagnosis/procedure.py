@@ -216,7 +216,7 @@ def in_slow_noise(
     slow = _slow_part(problem, white.accepted.effects)
     if slow is None:
         return white
-    most = max(LEAST_ROWS, min(problem.settings.most_rows, len(problem.table.full) // _APART))
+    most = max(LEAST_ROWS, len(problem.table) // _APART)
     for _ in range(1 if problem.noise.is_assumed else _MOST_PASSES):
         before = {item.id for item in found.accepted.effects}
         found = of_rows(replace(problem.settings, most_rows=most), slow)

@@ -268,7 +268,7 @@ def speeds(table: Table) -> dict[str, F]:
     if not table.has("time_s") or not table.pose_columns:
         return {}
     continuous = table.continuous
-    rate = partial(rates, wide=True) if continuous else _rate_of_way
+    rate = rates if continuous else _rate_of_way
     found = _moving({f"v_{name}": rate(table, table.column(name)) for name in table.pose_columns})
     return found if continuous else {n: v for n, v in found.items() if n == "speed"}
 
