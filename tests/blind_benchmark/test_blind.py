@@ -161,7 +161,7 @@ def test_the_noise_of_a_row_is_the_generator_s(folder: Path, method: Method) -> 
     made = rod_table(
         shared_plan("rod", "diagnosable", folder), (), case.seed, base_columns=base.columns
     )
-    whitener = problem.whitener[problem.scored]
+    whitener = problem.whitener.each[problem.scored]
     found = np.linalg.eigvalsh(whitener @ made.covariance @ np.swapaxes(whitener, 1, 2))
     assert found.shape == (len(problem.scored.nonzero()[0]), 6)
     assert np.quantile(found, 0.02) > 0.5
