@@ -189,7 +189,7 @@ def _error(
 
 
 _APART, _MOST_PASSES = 3, 3
-"""Of rows whose noise has a slow part one in three is used: only changes count beside it, and the
+"""One row in three is used where the noise has a slow part: only changes count beside it, and the
 poses of neighbours (`Rows.quiet`) hold the noise of each other, which would be most of them."""
 
 
