@@ -37,9 +37,7 @@ from ecm.io.columns import TEXT
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models.joint_fit import base_columns, error_columns, further_columns
-from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import projected_out, solve
-from ecm.regression.slow_noise import Whitener
 
 POWER = 0.9
 """Chance with which an effect of the limit's size is named."""
@@ -249,7 +247,8 @@ class Added:
     def of(group: ConfusionClass, joined: Rows) -> Added:
         problem = group.problem
         fresh = np.arange(len(problem.table), len(joined))
-        whitener = Whitener(whiteners(problem.noise.covariance(joined, problem.base.error)))
+        # Visits of a campaign err each by themselves.
+        whitener = replace(problem.noise, slow=None).whitener(joined, problem.base.error)
         shapes = [shape for some in group.shapes.values() for shape in some]
         base, use, left_out = problem.base, list(problem.base_index), problem.left_out
         blocks = []

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from functools import partial, wraps
+from functools import cache, partial, wraps
 from itertools import product
 from typing import Any, cast
 
@@ -224,7 +224,6 @@ def in_slow_noise(
         if {item.id for item in found.accepted.effects} == before:
             break
     alone = _slow_part(found.problem, ()) or slow
-    said = alone.said(found.problem.table, found.gate.p)
     left = found.problem.whitener.along_rows(residual_after(found.problem, found.accepted.effects))
     squares = found.problem.squares_of(left) / found.problem.size
     known = not problem.noise.is_assumed and squares < _KNOWN
@@ -238,7 +237,7 @@ def in_slow_noise(
         return bool(decision.answer) and fall > least
 
     if found.verdict == "none":
-        unclear = not known or said.lasts
+        unclear = not known or alone.lasts(found.problem.table)
     elif is_seen(white) or not known or float(np.mean(slow.share)) < _MOST:
         return white
     elif found.answer:
@@ -248,6 +247,7 @@ def in_slow_noise(
         unclear = pattern is not None and pattern.period is None and pattern.variable in _OF_TIME
     if not unclear:
         return found
+    said = alone.said(found.gate.p)
     columns = {"variables": ("time_s",), "slow_noise": said}
     return white.without_names(stages.describe, said.words(), **columns)
 
@@ -444,8 +444,13 @@ def find_missing(
     ()
     """
 
-    def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
+    @cache
+    def chosen(limits: DiagnosisSettings) -> tuple[Prepared, StiffnessMap]:
         prepared = prepare(model, table, effects, limits)
+        return prepared, choose_base(model, prepared.table.drop(*prepared.zero_columns))
+
+    def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
+        prepared, base = chosen(limits)
         against = partial(
             decide,
             prepared=prepared,
@@ -455,7 +460,7 @@ def find_missing(
             stages=stages,
             slow=slow,
         )
-        return _against_the_bases(model, prepared, against, stages)
+        return _against_the_bases(model, base, against, stages)
 
     decision = of_rows(settings)
     if decision.verdict == "none" or decision.misread:
@@ -493,10 +498,10 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
 
 
 def _against_the_bases(
-    model: Model, prepared: Prepared, against: Callable[..., Decision], stages: Stages
+    model: Model, base: StiffnessMap, against: Callable[..., Decision], stages: Stages
 ) -> Decision:
     """Go through the stages with the rows that were selected, against the bases that may fit."""
-    decision = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
+    decision = against(base)
     if decision.verdict != "none":
         other = less_symmetric_energy(decision, whole_map(model.base))
         if other is not None:
@@ -515,7 +520,7 @@ def _against_the_bases(
         return decision
     if not may_be_another_body(decision):
         return decision
-    energy = against(symmetric_energy(prepared.unexplained))
+    energy = against(symmetric_energy(decision.prepared.unexplained))
     return against_energy(decision, energy, stages)
 
 

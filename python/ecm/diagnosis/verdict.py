@@ -93,7 +93,7 @@ class Decision:
         """Slow part of the noise of a log; None where there is none."""
         problem = self.problem
         slow = problem.noise.slow
-        return None if slow is None else slow.said(problem.table, self.gate.p)
+        return None if slow is None else slow.said(self.gate.p)
 
     @property
     def misread(self) -> bool:

@@ -91,16 +91,21 @@ def from_both_sides(table: Table, values: F) -> F:
     time = table.column("time_s") if table.has("time_s") else np.arange(len(table))
     for order in order_of_visits(table):
         own = values[order]
-        bends = np.diff(own, 2, axis=0)
-        if len(bends) < 2:
+        if len(own) < 4:
             continue
-        noisy = (bends[1:] * bends[:-1] < 0.0).mean(axis=0) > _OPPOSITE
+        bends, noisy = _bends(own)
         noisy = noisy & (np.abs(bends) < _CORNER * np.median(np.abs(bends), axis=0))
         steps = np.diff(time[order])
         part = steps[:-1] / np.maximum(steps[1:] + steps[:-1], 1e-300)
         beside = own[:-2] + part[:, None] * (own[2:] - own[:-2])
         found[order[1:-1]] = np.where(noisy, beside, own[1:-1])
     return np.asarray(found)
+
+
+def _bends(own: F) -> tuple[F, B]:
+    """Return (n - 2, k) second differences of values (n, k), and (k,) whether they are noise."""
+    bends = np.diff(own, 2, axis=0)
+    return bends, (bends[1:] * bends[:-1] < 0.0).mean(axis=0) > _OPPOSITE
 
 
 def approach_sides(table: Table, length_m: float | None = None) -> F:
@@ -308,10 +313,9 @@ def _over_several(own: F, time: F) -> F:
     if own.ndim == 1:
         return _over_several(own[:, None], time)[:, 0]
     found = _over_one(1, own, time)
-    bends = np.diff(own, 2, axis=0)
-    if len(bends) < 2:
+    if len(own) < 4:
         return found
-    noisy = (bends[1:] * bends[:-1] < 0.0).mean(axis=0) > _OPPOSITE
+    bends, noisy = _bends(own)
     size, k = np.median(np.abs(bends), axis=0), 1
     while noisy.any() and 4 * k < len(own):
         k *= 2

@@ -11,7 +11,7 @@ T and s of each component are those of the largest restricted likelihood (Patter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -48,8 +48,6 @@ class SlowNoise:
     """Its share of the variance."""
     p: float
     """Chance that such noise gives what smooth functions explain."""
-    lasts: bool = field(default=False, metadata={"json": ""})
-    """Whether the log is too short to tell it from a drift."""
 
     def words(self) -> str:
         """Return it in plain words."""
@@ -91,12 +89,16 @@ class SlowPart:
         gains = _gains(gaps, np.array(self.time_s), np.array(self.share))
         return InTime(np.concatenate(orders), *gains)
 
-    def said(self, table: Table, p: float) -> SlowNoise:
+    def said(self, p: float) -> SlowNoise:
         """Return what is said of it: the component with the largest share."""
-        most, time_s = int(np.argmax(self.share)), table.column("time_s")
-        longest = max(float(np.ptp(time_s[rows])) for rows in order_of_visits(table))
-        lasts = longest < 2.0 * _LEAST_STRETCHES * self.time_s[most]
-        return SlowNoise(self.time_s[most], self.share[most], p, lasts)
+        most = int(np.argmax(self.share))
+        return SlowNoise(self.time_s[most], self.share[most], p)
+
+    def lasts(self, table: Table) -> bool:
+        """Whether a log is too short to tell it from a drift."""
+        clock = table.column("time_s")
+        longest = max(float(np.ptp(clock[rows])) for rows in order_of_visits(table))
+        return longest < 2.0 * _LEAST_STRETCHES * self.said(1.0).time_s
 
 
 @dataclass(frozen=True)
@@ -114,13 +116,11 @@ class InTime:
 
     def __call__(self, values: F) -> F:
         """(N, m, k) innovations of whitened rows (N, m, k)."""
-        own = values[self.order]
-        out = np.empty_like(own)
-        for j in range(own.shape[1]):
-            out[:, j] = self.of_component(own[:, j], j)
-        result = np.empty_like(out)
-        result[self.order] = out
-        return result
+        return self._each(self.of_component, values)
+
+    def back(self, innovations: F) -> F:
+        """(N, m, k) whitened rows of these innovations."""
+        return self._each(self._back, innovations)
 
     def of_component(self, own: F, j: int) -> F:
         """(N, k) innovations of one component of rows in order."""
@@ -128,16 +128,17 @@ class InTime:
         known = _recursion(keep * (1.0 - gain), keep * gain * own[:-1])
         return np.asarray((own - known) / self.root[:, j, None])
 
-    def back(self, innovations: F) -> F:
-        """(N, m, k) whitened rows of these innovations."""
-        own = innovations[self.order] * self.root[:, :, None]
-        out = np.empty_like(own)
+    def _back(self, innovations: F, j: int) -> F:
+        keep, gain = self.keep[1:, j, None], self.gain[:-1, j, None]
+        own = innovations * self.root[:, j, None]
+        return np.asarray(own + _recursion(keep, keep * gain * own[:-1]))
+
+    def _each(self, function: Callable[[F, int], F], values: F) -> F:
+        """(N, m, k) of each component of rows in order, put back in their places."""
+        own, found = values[self.order], np.empty(values.shape)
         for j in range(own.shape[1]):
-            keep, gain = self.keep[1:, j, None], self.gain[:-1, j, None]
-            out[:, j] = own[:, j] + _recursion(keep, keep * gain * own[:-1, j])
-        result = np.empty_like(out)
-        result[self.order] = out
-        return result
+            found[self.order, j] = function(own[:, j], j)
+        return found
 
 
 @dataclass(frozen=True)
