@@ -11,7 +11,7 @@ from ecm.comparison import compare
 from ecm.comparison.residuals import confounded_with_order
 from ecm.diagnosis import DiagnosisSettings, diagnose
 from ecm.diagnosis.preparation import prepare
-from ecm.diagnosis.procedure import decide
+from ecm.diagnosis.procedure import STAGES, begin, go_on
 from ecm.diagnosis.statements import _residual
 from ecm.effects import Rows
 from ecm.errors import InputError
@@ -107,12 +107,10 @@ def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there() -> None
     """What the base explains is no degree of freedom of a test, and takes those of the noise."""
     table = neck(90)
     model = fit_model(table, "poly:1")
-    found = [
-        decide(
-            model.base, prepare(model, table), settings=DiagnosisSettings(most_base_columns=most)
-        )
-        for most in (1000, 0)
-    ]
+    limits = [DiagnosisSettings(most_base_columns=most) for most in (1000, 0)]
+    prepared = prepare(model, table)
+    begun = [begin(model.base, prepared, None, own, STAGES) for own in limits]
+    found = [go_on(own, 0, STAGES) for own in begun]
     carried, apart = found
     assert carried.problem.n_base == 42
     assert apart.problem.n_base == 0

@@ -445,22 +445,18 @@ def find_missing(
     """
 
     @cache
-    def chosen(limits: DiagnosisSettings) -> tuple[Prepared, StiffnessMap]:
+    def begun(limits: DiagnosisSettings) -> Begun:
         prepared = prepare(model, table, effects, limits)
-        return prepared, choose_base(model, prepared.table.drop(*prepared.zero_columns))
+        base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
+        return begin(base, prepared, noise, limits, stages)
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
-        prepared, base = chosen(limits)
-        against = partial(
-            decide,
-            prepared=prepared,
-            seed=seed,
-            noise=noise,
-            settings=limits,
-            stages=stages,
-            slow=slow,
-        )
-        return _against_the_bases(model, base, against, stages)
+        first = begun(limits)
+
+        def against(base: StiffnessMap) -> Decision:
+            return go_on(begin(base, first.prepared, noise, limits, stages), seed, stages, slow)
+
+        return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages)
 
     decision = of_rows(settings)
     if decision.verdict == "none" or decision.misread:
@@ -498,10 +494,12 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
 
 
 def _against_the_bases(
-    model: Model, base: StiffnessMap, against: Callable[..., Decision], stages: Stages
+    model: Model,
+    decision: Decision,
+    against: Callable[[StiffnessMap], Decision],
+    stages: Stages,
 ) -> Decision:
-    """Go through the stages with the rows that were selected, against the bases that may fit."""
-    decision = against(base)
+    """Go through the stages with the rows that were selected, against other bases that may fit."""
     if decision.verdict != "none":
         other = less_symmetric_energy(decision, whole_map(model.base))
         if other is not None:
@@ -524,17 +522,23 @@ def _against_the_bases(
     return against_energy(decision, energy, stages)
 
 
-def decide(
+@dataclass(frozen=True)
+class Begun:
+    """The rows beside a base, and what is known of their noise."""
+
+    prepared: Prepared
+    problem: Problem
+    noise_effects: tuple[NoiseFinding, ...]
+
+
+def begin(
     base: StiffnessMap,
     prepared: Prepared,
-    *,
-    seed: int = 0,
-    noise: Noise | None = None,
-    settings: DiagnosisSettings = DEFAULTS,
-    stages: Stages = STAGES,
-    slow: SlowPart | None = None,
-) -> Decision:
-    """Go through the stages against one base, in noise with this slow part."""
+    noise: Noise | None,
+    settings: DiagnosisSettings,
+    stages: Stages,
+) -> Begun:
+    """Go through the stages up to the noise."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
@@ -544,6 +548,13 @@ def decide(
     grown = with_load_growth(problem.noise, noise_effects)
     if grown is not problem.noise:
         problem = stages.assemble(problem.base, problem.table, effects, grown, settings)
+    return Begun(prepared, problem, tuple(noise_effects))
+
+
+def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None) -> Decision:
+    """Go through the stages from the gate to the verdict, in noise with this slow part."""
+    prepared, problem = begun.prepared, begun.problem
+    settings, effects = problem.settings, prepared.effects
     if slow is not None:
         problem = along_time(problem, slow)
     if held := _held(problem, prepared):
@@ -579,7 +590,7 @@ def decide(
         accepted = stages.accept(problem, chosen, seed)
         left = stages.leftover(problem, first, accepted.effects)
         found = Decision(
-            prepared, problem, tuple(noise_effects), first, tuple(ranking), accepted, left,
+            prepared, problem, begun.noise_effects, first, tuple(ranking), accepted, left,
             refinements=tried,
         )  # fmt: skip
         if len(accepted.effects) < 2 or left.remains or not is_unlikely(found):

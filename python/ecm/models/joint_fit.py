@@ -337,7 +337,7 @@ class _Data:
         """Where a step leads; None where it cannot be evaluated."""
         moved, around = at.moved(step), rows
         if at.free_base:
-            around = replace(rows, base=moved.base, of_fit=dict(self.kept))
+            around = rows.under(moved.base, dict(self.kept))
         try:
             residual, known = moved.residual(around, self.measured)
         except ModelError:

@@ -464,6 +464,13 @@ class Rows:
         whole = self.table.sampled_from
         return self if whole is None else replace(self, table=whole)
 
+    def under(self, base: BaseMap, of_fit: dict[str, Any]) -> Rows:
+        """Return the same rows under a map of the same inputs; what is known of them is kept."""
+        moved = replace(self, base=base, of_fit=of_fit)
+        for mine, own in ((self, moved), (self.whole, moved.whole)):
+            vars(own)["poses"] = mine.poses
+        return moved
+
     @cached_property
     def quieted(self) -> Rows:
         """The same rows, of a log with `quiet` poses."""
