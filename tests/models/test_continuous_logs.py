@@ -1,4 +1,4 @@
-"""Logs of many samples: what they are worth, how rows were held out, and work that is bounded."""
+"""Logs of many samples: how long noise lasts, how rows were held out, and work that is bounded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary
 from ecm.models.fit_summary import fit_summary
 from ecm.models.literature import GaussianProcessModel
-from ecm.regression.history import correlation_time
 from ecm.report.blocks import text_of
 from support.neck import LENGTH_M, STIFFNESS, Command, csv_text, neck_columns
 
@@ -38,15 +37,6 @@ def log(rows: int, tau_s: float = 0.5, seed: int = 0) -> dict[str, F]:
         y[i + 1] = keep * y[i] + shock
     force = 30.0 * y + rng.normal(size=rows)
     return {"time_s": 0.01 * np.arange(rows), "y_m": 0.01 * y, "fy_N": force}
-
-
-def test_the_correlation_time_is_twice_that_of_an_exponential() -> None:
-    found = correlation_time(ecm.Table(log(40_000), meta=CONTINUOUS))
-    assert found is not None
-    # 1 + 2 sum of exp(-k dt / tau) is 2 tau / dt; the noise of the force shortens nothing of y.
-    assert 0.6 < found.time_s < 1.3
-    assert found.independent == round(40_000 / (found.time_s / 0.01))
-    assert correlation_time(ecm.Table(log(100))) is None
 
 
 def test_a_gaussian_process_fits_some_rows_of_a_long_log_and_says_so(
@@ -90,14 +80,16 @@ def test_references_say_how_rows_were_held_out() -> None:
         assert re.search(rf"^{name} +{value} ", words, re.MULTILINE)
 
 
-def test_the_fit_of_a_log_says_what_its_samples_are_worth(
+def test_the_fit_of_a_log_says_how_long_its_noise_lasts(
     tmp_path: Path, ecm_command: Command
 ) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(csv_text(log(400, tau_s=0.1)), encoding="utf-8")
+    path, columns = tmp_path / "log.csv", log(400, tau_s=0.1)
+    columns["fy_N"] += 100.0 * log(400, tau_s=0.2, seed=1)["y_m"]
+    path.write_text(csv_text(columns), encoding="utf-8")
     (tmp_path / "log.toml").write_text('[file]\nkind = "continuous"\n', encoding="utf-8")
     done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json").good()
-    assert "400 samples every 0.01 s stay correlated for" in done.out
+    said = r"\d+% of what the model leaves stays alike for about 0.\d+ s along the log: standard "
+    assert re.search(said, done.out)
     said = "held out, 10 parts of stretches of time, 12 a run, share of the spread: fy_N "
     assert re.search(re.escape(said) + r"[\d.]+ %\n", done.out)
 

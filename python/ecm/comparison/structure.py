@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.stats import chi2
 
 from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
 from ecm.io.arrays import F, I, rms
@@ -24,6 +25,7 @@ from ecm.regression.folds import repeat_cells
 from ecm.regression.history import order_of_visits, speeds
 from ecm.regression.normal_equations import in_threads
 from ecm.regression.rows import Rows, is_whole
+from ecm.regression.slow_noise import deviance_in_time
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""
@@ -62,10 +64,13 @@ class StructureTest:
 def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) -> StructureTest:
     """Test the residual of a model for structure.
 
+    Where neighbours of a log err alike, structure counts that makes the residual likelier than such
+    noise does.
+
     Parameters
     ----------
     rows
-        N rows with their map.
+        N rows with their map; of a log `quieted`.
     whitened
         (N, m) residual over its noise.
     whitener
@@ -93,7 +98,23 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     # Over the noise of the row, not over the rest: so far the noise is believed.
     chance = best.dof * best.rest / best.dof_error
     beyond = max(0.0, best.explained - chance) / max(1.0, float(weights.sum()) * m)
-    return StructureTest(best.F, min(1.0, best.p * len(tests)), float(np.sqrt(beyond)))
+    p = min(1.0, best.p * len(tests))
+    if p < LEVEL and rows.table.continuous:
+        log, left = rows.table.select(scored), (smooth.residual[scored], smooth.rest[scored])
+        p = max(p, _chance_in_slow_noise(log, *left, smooth.span.rank))
+    return StructureTest(best.F, p, float(np.sqrt(beyond)))
+
+
+def _chance_in_slow_noise(log: Table, before: F, after: F, directions: int) -> float:
+    """Chance that columns make a residual (n, m) likelier by so much, each in its likeliest noise.
+
+    Twice the logarithm of the likelihood ratio has a chi-squared distribution, or is less: columns
+    that were fitted as if rows erred independently take less of slow noise.
+    """
+    deviances = [deviance_in_time(log, left) for left in (before, after)]
+    if deviances[0] is None or deviances[1] is None:
+        return 0.0
+    return float(chi2.sf(deviances[0] - deviances[1], directions))
 
 
 def _higher_degrees(rows: Rows) -> F:

@@ -426,12 +426,8 @@ class _Judged:
 
     @cached_property
     def shown(self) -> bool:
-        """Whether its residual shows more than noise; the comparison fits a base of its own.
-
-        To a comparison slow noise of a log looks like structure.
-        """
-        is_noise = self.decision.verdict == "none" and self.decision.slow_noise is not None
-        return _far_behind(self.given, self.base) or (self.result.missing and not is_noise)
+        """Whether its residual shows more than noise; the comparison fits a base of its own."""
+        return _far_behind(self.given, self.base) or self.result.missing
 
     @cached_property
     def fits(self) -> tuple[JointFit | None, JointFit | None]:

@@ -29,7 +29,7 @@ from ecm.io.sanity import (
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import misread
 from ecm.regression.folds import repeated_poses
-from ecm.regression.history import correlation_time, has_order
+from ecm.regression.history import has_order
 from ecm.regression.noise import noise_source
 from ecm.report.blocks import CodeBlock, Report, Section, TableBlock, TextBlock
 
@@ -260,13 +260,12 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
 
 
 def _sampling(table: Table) -> list[str]:
-    """Say how long the errors of samples stay correlated, or that it may be one; or their order."""
+    """Say that the table may be a continuous test, or in which order its rows are taken."""
     if not table.has("time_s") and has_order(table):
         return [
             "No time_s: the rows go step by step, so their order is taken as that of measuring."
         ]
-    correlated = correlation_time(table)
-    return unstated(table) if correlated is None else [correlated.sentence()]
+    return unstated(table)
 
 
 def _column(name: str, values: NDArray[Any]) -> ColumnCheck:

@@ -20,7 +20,6 @@ from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.selection import Told, cross_validate
 from ecm.regression.folds import CHOSEN, split_words
-from ecm.regression.history import correlation_time
 from ecm.regression.rows import inputs_of
 
 _FOLDS = 10
@@ -79,9 +78,8 @@ def fit_summary(
         )
     pose_error = fitted.training["pose_error"]
     sentences.append(pose_error["sentence"])
-    correlated = correlation_time(measured)
-    if correlated is not None:
-        sentences.append(correlated.sentence())
+    if (slow := fitted.training.get("slow_noise")) is not None:
+        sentences.append(slow["sentence"])
     if model.most_rows is not None and len(measured) > model.most_rows:
         sentences.append(f"{model.most_rows} of {len(measured)} rows were fitted: {CHOSEN}")
     held_out = _held_out(table, model, seed, fitted.base, progress)

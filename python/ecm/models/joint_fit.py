@@ -27,7 +27,7 @@ from ecm.regression.noise import (
     shared_zero_error,
 )
 from ecm.regression.rows import Rows, is_whole
-from ecm.regression.slow_noise import Whitener
+from ecm.regression.slow_noise import SlowPart, Whitener
 
 
 @dataclass(frozen=True)
@@ -142,6 +142,8 @@ class JointFit:
     """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
     covariance: F
     """(k, k) of the parameters, base first; errors that all rows share are included."""
+    shared: F
+    """(k, e) change of the parameters by one standard deviation of each of these errors."""
     converged: bool
     smallest_taken: bool
     """Whether effects and base hold a common column, of which the base got what it could."""
@@ -154,6 +156,15 @@ class JointFit:
         own = [item.at_bounds for item in self.effects if not item.frozen]
         held = np.concatenate([np.zeros(0, dtype=bool), *own])
         return np.asarray(self.design.shape[2] - len(held) + np.flatnonzero(held))
+
+    def beside(self, slow: SlowPart) -> JointFit:
+        """Return the fit with the standard deviations that noise with this slow part gives."""
+        own = self.covariance - self.shared @ self.shared.T
+        covariance = self.covariance + own @ slow.products(self.rows.table, self.design) @ own
+        sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        free = sum(len(item.values) for item in self.effects if not item.frozen)
+        effects = _each(self.effects, sd[len(sd) - free :], _with_sd)
+        return replace(self, covariance=covariance, effects=effects)
 
 
 def joint_fit(
@@ -230,12 +241,13 @@ def joint_fit(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=at.base,
-        effects=at.each(sd, lambda item, own: replace(item, sd=own)),
+        effects=at.each(sd, _with_sd),
         rows=rows.measured,
         residual=residual,
         whitened=y,
         design=z,
         covariance=covariance,
+        shared=shift,
         converged=converged,
         smallest_taken=bool((least != np.eye(len(least))).any()),
         prior=_with_priors(np.zeros((0, z.shape[2])), np.zeros(0), at.base, priors),
@@ -359,6 +371,22 @@ class _Place:
     squares: float
 
 
+def _each(
+    effects: Sequence[FittedEffect], numbers: F, changed: Callable[[FittedEffect, F], FittedEffect]
+) -> tuple[FittedEffect, ...]:
+    """The effects, the free ones changed by their part of the numbers (k,)."""
+    found, at = [], 0
+    for item in effects:
+        k = 0 if item.frozen else len(item.values)
+        found.append(item if item.frozen else changed(item, numbers[at : at + k]))
+        at += k
+    return tuple(found)
+
+
+def _with_sd(item: FittedEffect, sd: F) -> FittedEffect:
+    return replace(item, sd=sd)
+
+
 @dataclass(frozen=True)
 class _At:
     """Where a fit stands; the free parameters are those of the base, then of the free effects."""
@@ -392,12 +420,7 @@ class _At:
         self, numbers: F, changed: Callable[[FittedEffect, F], FittedEffect]
     ) -> tuple[FittedEffect, ...]:
         """The effects, the free ones changed by their part of the numbers (k,)."""
-        effects, at = [], self.free_base
-        for item in self.effects:
-            k = 0 if item.frozen else len(item.values)
-            effects.append(item if item.frozen else changed(item, numbers[at : at + k]))
-            at += k
-        return tuple(effects)
+        return _each(self.effects, numbers[self.free_base :], changed)
 
     def moved(self, step: F) -> _At:
         """The free parameters changed by a step (k,)."""

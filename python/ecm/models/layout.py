@@ -251,6 +251,7 @@ def _training(n: int, m: int, taken: int) -> Layout:
             "pose_error": sentence,
             "rows_used": sentence,
             "prior": sentence,
+            "slow_noise": sentence,
         },
         others=True,
     )

@@ -45,6 +45,7 @@ from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readin
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import is_whole, taken_by
+from ecm.regression.slow_noise import slow_part
 from ecm.report import figures
 from ecm.report.blocks import (
     Block,
@@ -65,7 +66,7 @@ _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "er
 """Steps of a fit with effects."""
 _ROUNDS = 4
 """Most times that the shapes of several effects are chosen, each beside the others."""
-_SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used")
+_SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used", "slow_noise")
 """Parts of `training` that have a sentence in the fit report."""
 
 
@@ -485,6 +486,9 @@ class Model(Shown, EvaluatedModel):
             shaped.base, shaped.effects, table, used,
             freeze_base=freeze_base, prior=prior, kept=self.kept,
         )  # fmt: skip
+        if table.continuous and (slow := slow_part(table, joint.whitened)) is not None:
+            joint = joint.beside(slow)
+            training["slow_noise"] = {"sentence": slow.sentence()}
         if joint.smallest_taken:
             training["smallest_taken"] = True
         if prior is not None:

@@ -223,6 +223,12 @@ class Beside:
         rest = float(y @ y) - explained
         return FTest.of(explained, directions, rest, self.size - self.basis.shape[1] - directions)
 
+    @property
+    def rest(self) -> F:
+        """(n, m) weighted residual, the columns projected out as well."""
+        y = self.residual.ravel()
+        return np.asarray((y - self.span.nearest(y[:, None])[:, 0]).reshape(self.residual.shape))
+
     def sign_chance(self) -> float:
         """Chance of as much explained, where the components of a row may share their errors.
 
@@ -301,11 +307,23 @@ class Span:
 
     def explained(self, responses: F) -> F:
         """(b,) sum of squares of each response (r, b) in the span."""
+        return np.asarray((self._along(responses) ** 2).sum(axis=0))
+
+    def nearest(self, responses: F) -> F:
+        """(r, b) nearest vectors of the span to responses (r, b)."""
         if self.rank == 0:
-            return np.zeros(responses.shape[1])
+            return np.zeros(responses.shape)
+        own = solve_triangular(self.factor, self._along(responses), check_finite=False)
+        weights = np.zeros((len(self.norms), responses.shape[1]))
+        weights[self.order] = own
+        return np.asarray(self.columns @ (weights / self.norms[:, None]))
+
+    def _along(self, responses: F) -> F:
+        """(rank, b) coordinates of responses in orthonormal directions of the span."""
+        if self.rank == 0:
+            return np.zeros((0, responses.shape[1]))
         along = (self.columns.T @ responses / self.norms[:, None])[self.order]
-        projected = solve_triangular(self.factor, along, trans="T", check_finite=False)
-        return np.asarray((projected**2).sum(axis=0))
+        return np.asarray(solve_triangular(self.factor, along, trans="T", check_finite=False))
 
 
 def _with_length(columns: F) -> tuple[F, F]:

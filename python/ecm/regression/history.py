@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -383,91 +382,3 @@ def _rate_of_way(table: Table, values: F) -> F:
         change = np.divide(np.diff(values[order]), step, out=np.zeros(len(step)), where=step > 0.0)
         found[order[1:]] = change
     return found
-
-
-_MANY = 2**17
-"""Longer runs are taken in every so many rows: their correlation time has many steps."""
-
-
-@dataclass(frozen=True)
-class CorrelationTime:
-    """Correlation time of the poses and wrenches of a continuous test.
-
-    Examples
-    --------
-    >>> print(CorrelationTime(1.2, 0.01, 12000).sentence())
-    12000 samples every 0.01 s stay correlated for 1.2 s: they tell as much as 100 rows at rest.
-    """
-
-    time_s: float
-    """Integral of the autocorrelation, both sides, of the channel that changes fastest."""
-    step_s: float
-    """Median time between samples."""
-    rows: int
-
-    @property
-    def independent(self) -> int:
-        """Number of rows that would tell as much if they were independent."""
-        return max(1, round(self.rows / max(1.0, self.time_s / self.step_s)))
-
-    def sentence(self) -> str:
-        """Return it in plain words."""
-        return (
-            f"{self.rows} samples every {self.step_s:.3g} s stay correlated for "
-            f"{self.time_s:.2g} s: they tell as much as {self.independent} rows at rest."
-        )
-
-
-def correlation_time(table: Table) -> CorrelationTime | None:
-    """Return the correlation time of a continuous test; None for a static one.
-
-    For each pose and wrench column of a run, 1 + 2 sum of the autocorrelation up to its first zero,
-    times the step; the smallest over the columns, averaged over the runs.
-
-    Examples
-    --------
-    >>> from ecm import Table
-    >>> t = 0.01 * np.arange(4000.0)
-    >>> log = {"time_s": t, "y_m": 0.01 * np.sin(t), "fy_N": 30.0 * np.sin(t)}
-    >>> found = correlation_time(Table(log, meta={"file": {"kind": "continuous"}}))
-    >>> 1.0 < found.time_s < 3.0
-    True
-    """
-    if not table.continuous:
-        return None
-    names = (*table.pose_columns, *table.wrench_columns)
-    times, steps, weights = [], [], []
-    for rows, step, stride in _runs(table):
-        found = [_integral(table.column(name)[rows[::stride]]) for name in names]
-        moving = [value for value in found if value is not None]
-        if moving:
-            times.append(min(moving) * step * stride)
-            steps.append(step)
-            weights.append(len(rows))
-    if not times:
-        return None
-    return CorrelationTime(
-        float(np.average(times, weights=weights)), float(np.median(steps)), len(table)
-    )
-
-
-def _runs(table: Table) -> Iterator[tuple[I, float, int]]:
-    """Rows of each run that lasts, their median step in s, and every how manyth row is taken."""
-    for rows in order_of_visits(table):
-        gaps = np.diff(table.column("time_s")[rows])
-        if len(gaps) and (step := float(np.median(gaps))) > 0.0:
-            yield rows, step, 1 + len(rows) // _MANY
-
-
-def _integral(values: F) -> float | None:
-    """Steps over which a channel stays correlated, at least 1; None for a constant one."""
-    centred = values - values.mean()
-    size = len(values)
-    if size < 8 or not np.any(np.abs(centred) > 1e-12 * np.max(np.abs(values))):
-        return None
-    spectrum = np.fft.rfft(centred, 2 * size)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: size // 2]
-    correlation /= correlation[0]
-    below = np.flatnonzero(correlation <= 0.0)
-    last = int(below[0]) if len(below) else len(correlation)
-    return max(1.0, 1.0 + 2.0 * float(correlation[1:last].sum()))

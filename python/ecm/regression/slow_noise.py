@@ -89,6 +89,37 @@ class SlowPart:
         gains = _gains(gaps, np.array(self.time_s), np.array(self.share))
         return InTime(np.concatenate(orders), *gains)
 
+    def products(self, table: Table, columns: F, gap_s: float | None = None) -> F:
+        """Return (k, k) Z' (R - 1) Z: what the rows of a log share of their noise, in columns Z.
+
+        Parameters
+        ----------
+        columns
+            (N, m, k) whitened row by row.
+        gap_s
+            Time between the rows of a log of which these are one in so many; default: all of it.
+        """
+        orders = order_of_visits(table)
+        gaps, own = _gaps(table.column("time_s"), orders), columns[np.concatenate(orders)]
+        usual = float(np.median(gaps[np.isfinite(gaps)]))
+        total = np.zeros((columns.shape[2], columns.shape[2]))
+        for j, (time, share) in enumerate(zip(self.time_s, self.share, strict=True)):
+            z, keep = own[:, j], np.exp(-gaps[1:, None] / time)
+            both = z.T @ _recursion(keep, keep * z[:-1])
+            each = z.T @ z
+            # Sums of exp(-|lag| / T) over all rows, and over these: columns change slowly.
+            more = 1.0 if gap_s is None else np.tanh(usual / 2 / time) / np.tanh(gap_s / 2 / time)
+            total += share * (more * (each + both + both.T) - each)
+        return total
+
+    def sentence(self) -> str:
+        """Say it of a fit whose standard deviations hold it."""
+        most = int(np.argmax(self.share))
+        return (
+            f"{self.share[most]:.0%} of what the model leaves stays alike for about "
+            f"{self.time_s[most]:.2g} s along the log: standard deviations of the values count it"
+        )
+
     def said(self, p: float) -> SlowNoise:
         """Return what is said of it: the component with the largest share."""
         most = int(np.argmax(self.share))
@@ -197,6 +228,20 @@ def slow_part(table: Table, rest: F) -> SlowPart | None:
     >>> 2.0 < found.time_s[0] < 10.0
     True
     """
+    found = _likeliest(table, rest)
+    return None if found is None or not any(found.share) else found
+
+
+def deviance_in_time(table: Table, rest: F) -> float | None:
+    """Return -2 log L of a residual (N, m) in the noise that suits it, white or with a slow part.
+
+    None where `slow_part` could not see one.
+    """
+    found = _likeliest(table, rest)
+    return None if found is None else found.deviance
+
+
+def _likeliest(table: Table, rest: F) -> SlowPart | None:
     if not table.has("time_s"):
         return None
     clock = table.column("time_s")
@@ -213,8 +258,6 @@ def slow_part(table: Table, rest: F) -> SlowPart | None:
     best, least = grid[np.argmin(found, axis=0)], found.min(axis=0)
     # Two numbers more, by their BIC.
     slow = found[0] - least > 2.0 * np.log(len(order))
-    if not slow.any():
-        return None
     ratio = float(times[1] / times[0]) ** 0.5
     for j, round_ in product(np.flatnonzero(slow), range(_ROUNDS)):
         along, across = (_AROUND / 2.0**round_).T
