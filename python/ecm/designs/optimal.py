@@ -28,6 +28,7 @@ from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import LARGEST, F, I
 from ecm.io.events import Printed
+from ecm.regression.blas import one_blas_thread
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
@@ -80,6 +81,7 @@ class Design(Printed):
         )
 
 
+@one_blas_thread()
 def optimal_design(
     poses: F,
     n: int,

@@ -31,10 +31,12 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import refuse_unless_forced
 from ecm.models.registry import parse_model
 from ecm.models.selection import choose_model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.rows import taken_by
 
 
 @takes_table()
+@one_blas_thread()
 def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     table: TableLike,
     model: ModelSpecification | str | Callable[..., Any],

@@ -29,6 +29,7 @@ from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from ecm.regression.normal_equations import MANY_ROWS
@@ -74,6 +75,7 @@ class CrossValidation(Printed):
 
 
 @takes_table()
+@one_blas_thread()
 def cross_validate(
     table: TableLike,
     model: ModelSpecification | str,
@@ -264,6 +266,7 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
     return candidates
 
 
+@one_blas_thread()
 def choose_model(
     table: Table,
     candidates: Sequence[ModelSpecification | str] | None = None,
