@@ -106,7 +106,7 @@ class Compared:
     """Rows of a large table that the noise and these parts rest on; else all."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Comparison(Shown):
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
 

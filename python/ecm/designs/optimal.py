@@ -36,7 +36,7 @@ _SMALLER = ("energy4", "poly:2", "linear")
 """Models that are tried where the rows do not determine the one that was asked for."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Design(Printed):
     """Chosen rows of the candidates and how good they are.
 

@@ -43,7 +43,7 @@ MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 file."""
 
 
-@dataclass(frozen=True, repr=False, init=False)
+@dataclass(frozen=True, repr=False, init=False, eq=False)
 class Table(Printed):
     """Measurements, one row each, with their description.
 
