@@ -15,7 +15,6 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
-from ecm.io.description import Meta
 from ecm.io.events import Progress
 from ecm.io.extras import require
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -198,7 +197,7 @@ class ModelEstimator:
         mechanism = {} if self.length_m is None else {"length_m": self.length_m}
         options = self.get_params(False)
         options.pop("length_m")
-        self.model_ = fit_model(Table(columns, Meta(mechanism=mechanism), "X, y"), **options)
+        self.model_ = fit_model(Table(columns, {"mechanism": mechanism}, "X, y"), **options)
         return self
 
     def predict(self, X: Any) -> F:
