@@ -172,6 +172,8 @@ def cross_validate(
 
 def random_folds(table: Table, groups: I, folds: int, seed: int) -> I:
     """(N,) number of each row's fold; rows of one group stay together."""
+    if folds < 2:
+        raise InputError(f"folds = {folds}: expected 2 or more, a part to hold out and one to fit")
     count = int(groups.max()) + 1
     parts = min(folds, count)
     if parts < 2:
