@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import sys
@@ -103,7 +104,7 @@ def test_a_load_unload_loop_is_said_to_be_one() -> None:
 @pytest.fixture
 def folded_badly(monkeypatch: pytest.MonkeyPatch) -> None:
     """Folding its effects changes a model by 36 times the noise."""
-    names, name = export_module.__globals__, "_mechanism_alone"
+    names, name = inspect.unwrap(export_module).__globals__, "_mechanism_alone"
     folded = names[name]
     monkeypatch.setitem(names, name, lambda m: (*folded(m)[:2], 36.0))
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,6 +134,22 @@ def test_a_failed_write_leaves_the_old_file_and_no_rubbish(tmp_path: Path) -> No
         fail()
     assert path.read_text(encoding="utf-8") == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_threads_that_write_one_file_leave_the_whole_text_of_one(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    texts = [f"{letter}" * 100_000 for letter in "abcd"]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(10):
+            list(pool.map(lambda text: write_atomically(path, text), texts))
+            assert path.read_text(encoding="utf-8") in texts
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_an_error_of_writing_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="directory") as said:
+        write_atomically(tmp_path, "text")
+    assert str(said.value).endswith(f"directory: '{tmp_path}'")
 
 
 WRITES = """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -160,3 +161,42 @@ def test_a_comparison_prints_about_ten_lines_and_draws_itself() -> None:
         ecm.diagnose(ecm.fit(columns, "linear", force=True), columns, effects=[]).plot(),
         figures.Figure,
     )
+
+
+def test_a_table_keeps_its_numbers_when_the_arrays_it_was_made_of_are_filled_anew() -> None:
+    pandas = pytest.importorskip("pandas")
+    for given in (spring(), pandas.DataFrame(spring())):
+        table = ecm.as_table(given)
+        first = table["fx_N"].tolist()
+        for column in table.columns:
+            assert not np.shares_memory(table[column], np.asarray(given[column]))
+        assert table["fx_N"].tolist() == first
+
+
+@pytest.mark.parametrize("form", ["dict", "record"])
+def test_a_masked_cell_is_an_empty_one(form: str) -> None:
+    columns: Any = {name: np.ma.array(own) for name, own in spring().items()}
+    assert ecm.as_table(columns)["fx_N"].tolist() == spring()["fx_N"].tolist()
+    columns["fx_N"][3] = np.ma.masked
+    if form == "record":
+        columns = np.ma.core.MaskedArray(
+            np.rec.fromarrays(columns.values(), names=list(columns)),
+            mask=[(False, row == 3) for row in range(24)],
+        )
+    with pytest.raises(InputError, match=r"row 3, column 'fx_N': found an empty cell"):
+        ecm.as_table(columns)
+    assert len(ecm.as_table(columns, skip_bad_rows=True)) == 23
+
+
+def test_complex_numbers_are_refused_and_not_cut() -> None:
+    with pytest.raises(InputError, match="column 'fx_N' is text in every row"):
+        ecm.as_table(spring() | {"fx_N": spring()["fx_N"] * 1j})
+
+
+def test_results_that_hold_arrays_are_compared_without_an_error() -> None:
+    table = ecm.as_table(spring())
+    model = ecm.fit_model(table, "linear")
+    for one in (table, model, ecm.compare(model, table), ecm.diagnose(model, table, effects=[])):
+        assert one == one  # noqa: PLR0124 - that is what is asked
+        assert one != pickle.loads(pickle.dumps(one))
+        assert one in {one}

@@ -100,6 +100,8 @@ def test_the_door_gives_a_table_and_keeps_the_signature(tmp_path: Path) -> None:
     assert count(columns, 3) == 6
     with pytest.raises(InputError, match="times = 'two': expected a whole number"):
         count(columns, "two")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="times = the class int itself: expected a whole number"):
+        count(columns, int)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="no wrench column"):
         count({"y_m": [0.0]})
     with pytest.raises(TypeError, match="table"):

@@ -517,6 +517,17 @@ def test_selecting_and_replacing(tmp_path: Path) -> None:
     assert table.drop("fy_N").wrench_columns == tuple(n for n in WRENCH if n != "fy_N")
     with pytest.raises(InputError, match="expected \\(10,\\)"):
         table.with_columns({"fy_N": np.zeros(3)})
+    lost = np.where(np.arange(10) == 4, np.nan, 0.0)
+    with pytest.raises(InputError, match=r"row 4, column 'fy_N': found nan, expected a finite"):
+        table.with_columns({"fy_N": lost})
+    assert np.isnan(table.with_columns({"sd_fy_N": lost})["sd_fy_N"]).any()
+    own = np.zeros(10)
+    changed = table.with_columns({"fy_N": own})
+    own += 1.0
+    assert not changed["fy_N"].any()
+    assert len(table.select([])) == 0
+    with pytest.raises(IndexError):
+        table.select([10])
 
 
 def test_a_large_table_is_read_quickly_and_a_late_cell_still_named(tmp_path: Path) -> None:

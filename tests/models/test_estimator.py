@@ -86,3 +86,7 @@ def test_options_have_names_and_shapes() -> None:
         estimator.predict(X)
     with pytest.raises(InputError, match=r"y has shape \(60, 5\): expected \(N, 6\)"):
         estimator.fit(X, Y[:, :5])
+    lost = X.copy()
+    lost[7, 1] = np.nan
+    with pytest.raises(InputError, match=r"X, y: 1 bad place:\s+row 7, column 'y_m'"):
+        estimator.fit(lost, Y)

@@ -244,6 +244,8 @@ def test_leverage_grows_outside_and_the_flag_says_so(tmp_path: Path) -> None:
 def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     table = campaign(seed=3)
     cut = PolynomialModel(3, pcr=0.1)
+    with pytest.raises(InputError, match="folds = 1: expected 2 or more"):
+        choose_model(table, ["linear"], folds=1)
     choice = choose_model(table, ["linear", "energy4", "energy5", cut], folds=5)
     assert choice.best.name == "energy4"
     assert choice.error[0] > 2.0 * choice.error[1]

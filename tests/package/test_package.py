@@ -138,6 +138,40 @@ def test_blas_has_one_thread_inside_a_function_and_its_own_after() -> None:
     assert done == ["[1]", *in_a_process(THREADS)]
 
 
+def test_blas_has_its_own_threads_again_when_the_last_of_several_is_out() -> None:
+    done = in_a_process(
+        "import threading, numpy, scipy.linalg, threadpoolctl",
+        "from ecm.regression.blas import one_blas_thread",
+        "first_in, second_in, first_out = (threading.Event() for _ in range(3))",
+        "def first():\n    with one_blas_thread():\n        first_in.set(); second_in.wait()",
+        "def second():",
+        "    first_in.wait()",
+        "    with one_blas_thread():",
+        "        second_in.set(); first_out.wait(); " + THREADS.partition("; ")[2],
+        "one, two = threading.Thread(target=first), threading.Thread(target=second)",
+        "one.start(); two.start(); one.join(); first_out.set(); two.join()",
+        THREADS,
+    )
+    assert done == ["[1]", *in_a_process(THREADS)]
+
+
+def test_blas_has_one_thread_where_the_functions_of_the_package_compute() -> None:
+    done = in_a_process(
+        "import ecm, numpy as np",
+        f"def told(*_):\n    {THREADS}",
+        "def own(poses):\n    told(); return 2e3 * poses",
+        "x, time = np.sin(np.arange(60)) / 100, np.arange(60.0)",
+        "fx = 2e3 * x + 0.05 * time + 0.1 * np.cos(time**2)",
+        "columns = {'x_m': x, 'fx_N': fx, 'time_s': time}",
+        "table = ecm.as_table(columns, meta={'instrument': {'force_sd_N': 0.1}})",
+        "model = ecm.fit(table, 'linear', progress=told)",
+        "ecm.cross_validate(table, 'linear', progress=told)",
+        "ecm.compare(own, table, progress=told).pose_error",
+        "ecm.refit(model, table, add='fts_drift', force=True, progress=told)",
+    )
+    assert set(done) == {"[1]"}
+
+
 @pytest.mark.parametrize("rest", ["--help", "python/ecm | head -1"])
 def test_the_size_is_told_without_a_traceback(rest: str) -> None:
     command = ["sh", "-c", f"{sys.executable} {ROOT}/scripts/size.py {rest}"]

@@ -17,6 +17,7 @@ from ecm.models.fit import as_model
 from ecm.models.joint_fit import estimate_noise
 from ecm.models.model import Model
 from ecm.models.prediction import beyond_reach
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import HOW, RowsUsed, repeat_cells, row_groups, spread_rows
 from ecm.regression.noise import Noise
@@ -29,6 +30,7 @@ _DRAWN_AT_ONCE = 4_000_000
 
 
 @takes_table()
+@one_blas_thread()
 def compare(
     model: Model | Any,
     table: TableLike,

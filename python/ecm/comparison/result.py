@@ -39,6 +39,7 @@ from ecm.models.measured_poses import beyond_inputs
 from ecm.models.model import Model
 from ecm.models.refit import FAR_BEYOND_NOISE, base_and_error, is_far_behind
 from ecm.models.registry import was_trained_on
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import RowsUsed, without_zero_readings
 from ecm.regression.noise import Noise
@@ -105,7 +106,7 @@ class Compared:
     """Rows of a large table that the noise and these parts rest on; else all."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Comparison(Shown):
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
 
@@ -149,6 +150,7 @@ class Comparison(Shown):
     """Rows of a large table that noise, references and maps rest on; None where they are all."""
 
     @cached_property
+    @one_blas_thread()
     def structure(self) -> StructureTest:
         """Whether the residual holds more than chance; tested when it is asked for.
 
@@ -164,6 +166,7 @@ class Comparison(Shown):
         return structure_test(rows, errors.whitened, errors.whitener, fitted=own)
 
     @cached_property
+    @one_blas_thread()
     def references(self) -> ReferenceModels | None:
         """Reference models of the table; None where its columns do not allow them.
 
@@ -178,6 +181,7 @@ class Comparison(Shown):
         return unused_inputs(self.compared.model.base, self.compared.table)
 
     @cached_property
+    @one_blas_thread()
     def pose_error(self) -> PoseError:
         """Errors of the pose that the errors of the wrench stand for, dp = K^-1 dh, of all rows."""
         made = self.compared
@@ -188,6 +192,7 @@ class Comparison(Shown):
     def _where(self) -> ResidualMaps:
         return self._maps(0)
 
+    @one_blas_thread()
     def _maps(self, most: int) -> ResidualMaps:
         made = self.compared
         size = np.zeros(len(made.table))

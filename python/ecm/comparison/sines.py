@@ -13,6 +13,7 @@ from ecm.io.extras import require
 from ecm.io.table import MetaLike, TableLike, takes_table
 from ecm.models.fit import as_model
 from ecm.models.model import Model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.history import order_of_visits
 from ecm.report.blocks import Block, Shown, TableBlock
 
@@ -45,6 +46,7 @@ class DynamicStiffness(Shown, dict[str, F]):
 
 
 @takes_table("fit")
+@one_blas_thread()
 def dynamic_stiffness(
     table: TableLike, model: Model | Any = None, *, skip: float = 1.0, meta: MetaLike = None
 ) -> DynamicStiffness:

@@ -28,6 +28,7 @@ from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import LARGEST, F, I
 from ecm.io.events import Printed
+from ecm.regression.blas import one_blas_thread
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
@@ -35,7 +36,7 @@ _SMALLER = ("energy4", "poly:2", "linear")
 """Models that are tried where the rows do not determine the one that was asked for."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Design(Printed):
     """Chosen rows of the candidates and how good they are.
 
@@ -80,6 +81,7 @@ class Design(Printed):
         )
 
 
+@one_blas_thread()
 def optimal_design(
     poses: F,
     n: int,

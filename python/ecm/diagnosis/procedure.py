@@ -374,7 +374,8 @@ def diagnose(
     settings
         Limits of the procedure.
     stages
-        Functions of the procedure, to replace one of them.
+        Functions of the procedure, to replace one of them; `watched(Stages(), progress)` of
+        `ecm.diagnosis` tells each as it begins.
 
     Returns
     -------

@@ -168,7 +168,7 @@ class OutsideCause:
     """What would tell it apart."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Diagnosis(Shown):
     """What is missing, what this rests on, and what cannot be told.
 

@@ -451,7 +451,7 @@ _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Simulated(Printed):
     """Wrench-pose pairs by FEM, in the order of the wrenches.
 

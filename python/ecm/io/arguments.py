@@ -168,5 +168,6 @@ def _shown(value: Any) -> str:
         return shown(value)
     shape = getattr(value, "shape", None)
     of = f" of shape {shape}" if isinstance(shape, tuple) else ""
-    name = value.__name__ if isinstance(value, type) else type(value).__name__
-    return f"a {name}{of}"
+    if isinstance(value, type):
+        return f"the class {value.__name__} itself"
+    return f"a {type(value).__name__}{of}"

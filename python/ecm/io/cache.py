@@ -28,6 +28,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from threading import get_ident
 from typing import IO, Any
 
 import numpy as np
@@ -39,7 +40,7 @@ from ecm.io.interrupts import interruptible, uninterrupted
 
 
 def temporary_beside(path: Path) -> Path:
-    """Return this process's temporary file for `path`, and remove those of killed processes.
+    """Return this thread's temporary file for `path`, and remove those of killed processes.
 
     Examples
     --------
@@ -47,13 +48,13 @@ def temporary_beside(path: Path) -> Path:
     True
     """
     stem = f".{path.name}.{_machine()}."
-    killed = re.compile(re.escape(stem) + r"(\d{1,9})\.tmp")
+    killed = re.compile(re.escape(stem) + r"(?:\d+\.)?(\d{1,9})\.tmp")
     for name in _temporary_files(path.parent):
         found = killed.fullmatch(name)
         if found and not _lives(int(found[1])):
             with suppress(OSError):
                 path.with_name(name).unlink()
-    return path.with_name(f"{stem}{os.getpid()}.tmp")
+    return path.with_name(f"{stem}{get_ident()}.{os.getpid()}.tmp")
 
 
 @cache
@@ -203,8 +204,9 @@ def _replacing(path: Path) -> Iterator[IO[bytes]]:
     except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
-        if isinstance(error, OSError):
-            error.filename = error.filename or str(path)
+        if isinstance(error, OSError) and error.filename in (None, str(temporary), temporary):
+            error.filename = str(path)
+            del error.filename2
         raise
     with suppress(OSError, AttributeError):  # not every system opens directories
         handle = os.open(path.parent, os.O_RDONLY)

@@ -62,8 +62,12 @@ def check_names(names: Sequence[str], source: str) -> None:
 
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
-    """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
-    named = {name: _in_seconds(name, own) for name, own in named_columns(data, source).items()}
+    """Return names and cells of a dict, a data frame, an xarray Dataset or a record array.
+
+    They are copies: a program may read its next rows into the arrays that it gave.
+    """
+    own = named_columns(data, source)
+    named = {name: np.array(_in_seconds(name, values)) for name, values in own.items()}
     for place, name in enumerate(named, 1):
         # A text file holds no NUL, and no half of a surrogate pair.
         if not name or "\0" in name or name != name.encode(errors="ignore").decode():
@@ -96,7 +100,7 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
         size = max((v.shape[0] for v in values if v.ndim), default=1)
         values = [v if v.ndim else np.full(size, v) for v in values]
     elif isinstance(data, Mapping):
-        names, values = list(data), [np.atleast_1d(np.asarray(v)) for v in data.values()]
+        names, values = list(data), [np.atleast_1d(_array(v)) for v in data.values()]
     elif hasattr(data, "column_names") and hasattr(data, "to_pydict"):  # Arrow
         names, values = list(data.column_names), [np.asarray(v.to_pylist()) for v in data.columns]
     elif hasattr(data, "columns") and hasattr(data, "__getitem__"):  # pandas, polars
@@ -106,7 +110,7 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
         if index.dtype.kind in "mM" and "time_s" not in names:
             names, values = ["time_s", *names], [index, *values]
     elif isinstance(data, np.ndarray) and data.dtype.names:
-        names, values = list(data.dtype.names), [data[name] for name in data.dtype.names]
+        names, values = list(data.dtype.names), [_array(data[name]) for name in data.dtype.names]
     else:
         raise InputError(
             f"{source}: found a {type(data).__name__}, expected a dict of columns, a pandas, "
@@ -121,7 +125,11 @@ def named_columns(data: Any, source: str) -> dict[str, NDArray[Any]]:
 
 
 def _array(column: Any) -> NDArray[Any]:
-    """A column of a frame; dates with a time zone as those of UTC, not as objects."""
+    """A column as an array; masked cells as empty ones, dates with a time zone as those of UTC."""
+    if np.ma.is_masked(column):
+        cells = column.astype(object).data
+        cells[np.ma.getmaskarray(column)] = None
+        return np.asarray(cells)
     kind = getattr(getattr(column, "dtype", None), "kind", "none")
     return np.asarray(column, f"{kind}8[ns]" if kind in "mM" else None)
 

@@ -43,7 +43,7 @@ MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
 file."""
 
 
-@dataclass(frozen=True, repr=False, init=False)
+@dataclass(frozen=True, repr=False, init=False, eq=False)
 class Table(Printed):
     """Measurements, one row each, with their description.
 
@@ -231,8 +231,12 @@ class Table(Printed):
         return np.array([number[key] for key in keys], dtype=np.int64)
 
     def select(self, rows: ArrayLike) -> Table:
-        """Return the rows of a mask (N,) or of row numbers."""
+        """Return the rows of a mask (N,) or of row numbers; none of an empty list.
+
+        IndexError for rows that there are not, and where it is neither, as numpy has it.
+        """
         index = np.asarray(rows)
+        index = index.astype(np.int64) if index.size == 0 else index
         columns = {name: col[index] for name, col in self.columns.items()}
         sampled = None if self.sampled_rows is None else self.sampled_rows[index]
         file_rows = None if self.file_rows is None else self.file_rows[index]
@@ -284,15 +288,22 @@ class Table(Printed):
         return replace(some, sampled_from=self, sampled_rows=index)
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
-        """Return the table with these columns (N,) replaced or added; new ones are last."""
+        """Return the table with these columns (N,) replaced or added; new ones are last.
+
+        InputError for another shape, and for a pose or wrench that is no finite number.
+        """
         new: dict[str, NDArray[Any]] = dict(self.columns)
         for name, values in columns.items():
-            array = np.asarray(values, dtype=object if name in TEXT else np.float64)
+            array = np.array(values, dtype=object if name in TEXT else np.float64)
             if self.columns and array.shape != (len(self),):
                 raise InputError(
                     f"{self.source}: column '{name}' has shape {array.shape}, "
                     f"expected ({len(self)},)"
                 )
+            if name in (*POSE, *WRENCH) and not np.isfinite(array).all():
+                row = int(np.flatnonzero(~np.isfinite(array))[0])
+                found = f"found {array[row]}, expected a finite number"
+                raise InputError(f"{self.source}: row {row}, column '{name}': {found}")
             new[name] = array
         return replace(self, columns=new)
 

@@ -159,6 +159,8 @@ def _plain_numbers(cells: Cells) -> Any:
         return cells
     if any(isinstance(cell, str) and "_" in cell for cell in cells):
         raise ValueError  # Python reads 1_000, other programs do not
+    if isinstance(cells, np.ndarray) and cells.dtype.kind == "c":
+        raise ValueError  # numpy would drop the imaginary part
     return list(map(float, cells))
 
 

@@ -28,6 +28,7 @@ from ecm.io.sanity import (
 )
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import misread
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import repeated_poses
 from ecm.regression.history import has_order
 from ecm.regression.noise import noise_source
@@ -202,6 +203,7 @@ _NOISE_WORDS = {
 
 
 @takes_table()
+@one_blas_thread()
 def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None = None) -> Check:
     """Check columns, excitation, repeats and testable effects of a measurement table.
 

@@ -15,7 +15,6 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.conventions import wrong_convention
-from ecm.io.description import Meta
 from ecm.io.events import Progress
 from ecm.io.extras import require
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -31,10 +30,12 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import refuse_unless_forced
 from ecm.models.registry import parse_model
 from ecm.models.selection import choose_model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.rows import taken_by
 
 
 @takes_table()
+@one_blas_thread()
 def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     table: TableLike,
     model: ModelSpecification | str | Callable[..., Any],
@@ -196,7 +197,7 @@ class ModelEstimator:
         mechanism = {} if self.length_m is None else {"length_m": self.length_m}
         options = self.get_params(False)
         options.pop("length_m")
-        self.model_ = fit_model(Table(columns, Meta(mechanism=mechanism), "X, y"), **options)
+        self.model_ = fit_model(Table(columns, {"mechanism": mechanism}, "X, y"), **options)
         return self
 
     def predict(self, X: Any) -> F:

@@ -41,6 +41,7 @@ from ecm.models.parameters import FittedParameter, ParametrisedMap
 from ecm.models.registry import map_from_document, was_trained_on
 from ecm.models.shapes import best_shape
 from ecm.models.time_effects import time_effects
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
@@ -427,6 +428,7 @@ class Model(Shown, EvaluatedModel):
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
     @takes_table()
+    @one_blas_thread()
     def fit(
         self,
         table: TableLike,

@@ -29,6 +29,7 @@ from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
 from ecm.models.registry import parse_model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
@@ -411,6 +412,7 @@ def _is_worse(error: float, other: float, noise: float) -> bool:
 
 
 @takes_table()
+@one_blas_thread()
 def refit(
     model: Model,
     table: TableLike,

@@ -29,6 +29,7 @@ from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from ecm.regression.normal_equations import MANY_ROWS
@@ -74,6 +75,7 @@ class CrossValidation(Printed):
 
 
 @takes_table()
+@one_blas_thread()
 def cross_validate(
     table: TableLike,
     model: ModelSpecification | str,
@@ -170,6 +172,8 @@ def cross_validate(
 
 def random_folds(table: Table, groups: I, folds: int, seed: int) -> I:
     """(N,) number of each row's fold; rows of one group stay together."""
+    if folds < 2:
+        raise InputError(f"folds = {folds}: expected 2 or more, a part to hold out and one to fit")
     count = int(groups.max()) + 1
     parts = min(folds, count)
     if parts < 2:
@@ -264,6 +268,7 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
     return candidates
 
 
+@one_blas_thread()
 def choose_model(
     table: Table,
     candidates: Sequence[ModelSpecification | str] | None = None,

@@ -12,9 +12,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
+from threading import Lock
+from typing import Any
 
 from threadpoolctl import ThreadpoolController
 
@@ -24,16 +26,51 @@ _MODULES = ("numpy", "scipy.linalg")
 
 
 @cache
-def _controller(loaded: tuple[str, ...]) -> ThreadpoolController:
+def _libraries(loaded: tuple[str, ...]) -> list[Any]:
     # The controller finds loaded libraries only, which takes milliseconds.
-    return ThreadpoolController()
+    controller = ThreadpoolController()
+    return [own for own in controller.lib_controllers if own.user_api == "blas"]
 
 
-def _limited() -> ExitStack:
-    loaded = tuple(name for name in _MODULES if name in sys.modules)
-    stack = ExitStack()
-    stack.enter_context(_controller(loaded).limit(limits=1, user_api="blas"))
-    return stack
+def _set_threads(library: Any, number: int) -> None:
+    # Newer versions heed the first thread alone that sets a number, until it is cleared.
+    clear = getattr(library, "clear_controlling_thread", lambda force: None)
+    clear(force=True)
+    library.set_num_threads(number)
+    clear(force=True)
+
+
+class _Limit:
+    """The limit of the process: a BLAS has one number of threads for all who compute with it.
+
+    The first to come sets it and the last to go takes it back. If each did so, one that is ready
+    would give the others their threads back, and the last would leave what the first had set.
+    """
+
+    def __init__(self) -> None:
+        self.lock = Lock()
+        self.inside = 0
+        self.loaded: tuple[str, ...] = ()
+        self.before: list[tuple[Any, int]] = []
+
+    def __enter__(self) -> None:
+        loaded = tuple(name for name in _MODULES if name in sys.modules)
+        with self.lock:
+            if self.inside == 0 or loaded != self.loaded:
+                self.loaded = loaded
+                for library in _libraries(loaded):
+                    self.before.append((library, library.get_num_threads()))
+                    _set_threads(library, 1)
+            self.inside += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self.lock:
+            self.inside -= 1
+            while self.inside == 0 and self.before:
+                _set_threads(*self.before.pop())
+
+
+_limit = _Limit()
 
 
 @contextmanager
@@ -41,7 +78,7 @@ def one_blas_thread() -> Iterator[None]:
     """Sequential BLAS inside the block (also as a decorator)."""
     for name in _MODULES:  # a library that is loaded later would not be limited
         import_module(name)
-    with _limited():
+    with _limit:
         yield
 
 
@@ -55,7 +92,7 @@ def one_blas_thread_later() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in _VARIABLES}
     os.environ.update(dict.fromkeys(_VARIABLES, "1"))
     try:
-        with _limited():
+        with _limit:
             yield
     finally:
         for name, value in before.items():

@@ -336,8 +336,8 @@ def script_of(*entries: str, folders: tuple[Path, ...] = (WEB,)) -> str:
     return "\n".join(parts.values()) + "\n"
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, repr=False)
+class Report(Printed):
     """What a result shows, made once for terminal, notebook and page.
 
     Parameters
@@ -354,7 +354,7 @@ class Report:
     >>> from ecm.report import TextBlock
     >>> section = Section("Result", [TextBlock("None of the effects is significant.")])
     >>> report = Report("Diagnosis", "The neck, 40 poses.", [section])
-    >>> print(report.text())
+    >>> print(report)
     Result
     ======
     None of the effects is significant.
@@ -369,6 +369,9 @@ class Report:
     lead: str
     sections: Sequence[Section]
     warnings: Sequence[str] = ()
+
+    def __str__(self) -> str:
+        return self.text()
 
     def text(self, width: int | None = None) -> str:
         """Return every section as plain text, in lines of at most so many characters."""

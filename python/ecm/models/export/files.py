@@ -29,6 +29,7 @@ from ecm.models.export.source import Exported, Precision, Source, Target, withou
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
 from ecm.models.time_effects import NEEDS_ENERGY, NEEDS_POLYNOMIAL, time_effects
+from ecm.regression.blas import one_blas_thread
 from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
@@ -182,6 +183,7 @@ _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
 
 
+@one_blas_thread()
 def export(
     model: Model,
     to: str,
