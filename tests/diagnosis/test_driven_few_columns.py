@@ -134,5 +134,6 @@ def test_the_slope_along_the_pressure_is_written_beside_that_along_the_pose() ->
 def test_a_file_takes_the_pressure_that_acts(tmp_path: Path) -> None:
     model, table = leak()
     better = ecm.refit(model, table, add=["chamber_leak"])
-    with pytest.raises(ecm.InputError, match="the inputs of files are those that act"):
+    with pytest.raises(ecm.InputError, match="the inputs of files are those that act") as refused:
         ecm.export(better, "c", tmp_path)
+    assert "where the controller makes what acts" in str(refused.value.remedy)
