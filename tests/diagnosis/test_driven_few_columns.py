@@ -10,6 +10,7 @@ import pytest
 
 import ecm
 from ecm.diagnosis.procedure import find_missing
+from ecm.effects.protocol import ABSORBED
 from ecm.effects.relaxation import play
 from ecm.io.arrays import F
 from ecm.models import Model
@@ -119,6 +120,9 @@ def test_a_gauge_of_a_wrong_gain_is_taken_in_by_a_polynomial() -> None:
     why = found.not_testable["pressure_gain"]
     assert why.reason.startswith("the base absorbs it")
     assert why.record.endswith("a gauge of known zero and gain")
+    hidden = [one for one in found.not_testable.values() if one.reason.startswith(ABSORBED)]
+    said = str(ecm.diagnose(model, table))
+    assert f"of which the base takes in {len(hidden)} (" in said
 
 
 def test_the_slope_along_the_pressure_is_written_beside_that_along_the_pose() -> None:
