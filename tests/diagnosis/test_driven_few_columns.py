@@ -10,6 +10,7 @@ import pytest
 
 import ecm
 from ecm.diagnosis.procedure import find_missing
+from ecm.effects.protocol import ABSORBED
 from ecm.effects.relaxation import play
 from ecm.io.arrays import F
 from ecm.models import Model
@@ -119,6 +120,9 @@ def test_a_gauge_of_a_wrong_gain_is_taken_in_by_a_polynomial() -> None:
     why = found.not_testable["pressure_gain"]
     assert why.reason.startswith("the base absorbs it")
     assert why.record.endswith("a gauge of known zero and gain")
+    hidden = [one for one in found.not_testable.values() if one.reason.startswith(ABSORBED)]
+    said = str(ecm.diagnose(model, table))
+    assert f"of which the base takes in {len(hidden)} (" in said
 
 
 def test_the_slope_along_the_pressure_is_written_beside_that_along_the_pose() -> None:
@@ -134,5 +138,6 @@ def test_the_slope_along_the_pressure_is_written_beside_that_along_the_pose() ->
 def test_a_file_takes_the_pressure_that_acts(tmp_path: Path) -> None:
     model, table = leak()
     better = ecm.refit(model, table, add=["chamber_leak"])
-    with pytest.raises(ecm.InputError, match="the inputs of files are those that act"):
+    with pytest.raises(ecm.InputError, match="the inputs of files are those that act") as refused:
         ecm.export(better, "c", tmp_path)
+    assert "where the controller makes what acts" in str(refused.value.remedy)

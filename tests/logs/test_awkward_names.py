@@ -232,6 +232,44 @@ def test_tensions_are_named_as_pressures_are() -> None:
 
 
 @pytest.mark.parametrize(
+    "name", ["Chamber 2 [kPa]", "chamber2 pressure (kPa)", "p_ch2_kPa", "Bellows 2 [kPa]"]
+)
+def test_a_chamber_is_known_by_its_number_and_a_unit_of_pressure(name: str) -> None:
+    table = import_log({"x [mm]": LOAD[:, 0], "Fx [N]": LOAD[:, 1], name: LOAD[:, 2]}).table
+    assert np.allclose(table["pressure_2_Pa"], 1e3 * LOAD[:, 2])
+
+
+@pytest.mark.parametrize("name", ["Supply pressure 1 [bar]", "P1 set [bar]", "Row 2 P1 [bar]"])
+def test_a_pressure_of_something_else_is_none_of_a_chamber(name: str) -> None:
+    imported = import_log({"x [mm]": LOAD[:, 0], "Fx [N]": LOAD[:, 1], name: LOAD[:, 2]})
+    assert not imported.table.actuation_columns
+
+
+def test_pressures_without_a_number_are_offered_one_each() -> None:
+    log = {"x [mm]": LOAD[:, 0], "Fx [N]": LOAD[:, 1]}
+    said = str(import_log(log | {"Left [bar]": LOAD[:, 2], "Right [bar]": LOAD[:, 3]}))
+    assert "pressure_1_Pa=Left [bar]" in said
+    assert "pressure_2_Pa=Right [bar]" in said
+
+
+def test_the_only_x_y_and_z_in_a_unit_are_known_whatever_they_are_called() -> None:
+    log = {f"cam_{axis} [mm]": LOAD[:, i] for i, axis in enumerate("xyz")}
+    log |= {f"cell {axis} [N]": LOAD[:, i] for i, axis in enumerate("xyz")}
+    table = import_log(log).table
+    assert np.allclose(table.matrix(("x_m", "y_m", "z_m")), 1e-3 * LOAD[:, :3])
+    assert np.array_equal(table.matrix(("fx_N", "fy_N", "fz_N")), LOAD[:, :3])
+    twice = log | {f"led_{axis} [mm]": LOAD[:, i] for i, axis in enumerate("xyz")}
+    assert not import_log(twice).table.pose_columns  # of two nothing tells which
+
+
+def test_the_rest_before_a_reading_is_known_beside_the_time() -> None:
+    log = {"t [s]": np.arange(N), "Dwell time [s]": LOAD[:, 3] ** 2, "x [mm]": LOAD[:, 0]}
+    table = import_log(log | {"Fx [N]": LOAD[:, 1]}).table
+    assert np.array_equal(table["dwell_s"], LOAD[:, 3] ** 2)
+    assert table["time_s"].tolist() == list(range(N))
+
+
+@pytest.mark.parametrize(
     ("name", "standard"),
     [("Bending angle about y [rad]", "theta_y_rad"), ("pitch [rad]", "theta_y_rad"),
      ("rot_z_rad", "theta_z_rad")],

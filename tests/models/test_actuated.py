@@ -14,10 +14,10 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.models import Model, PolynomialModel
+from ecm.models import Model, PolynomialModel, fit
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, WallStiffness
 from ecm.models.evaluation import pose_error
-from ecm.models.selection import choose_model
+from ecm.models.selection import choose_model, default_candidates
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
 from support.driven import ARM, PRESSURES, VOLUMES, arm_table
@@ -438,6 +438,28 @@ def test_choose_takes_the_actuated_energy(table: Table, train: Table) -> None:
     # 130 rows carry no cubic of nine inputs: what weighs the components is what they carry.
     few = Table(dict(table.select(np.resize(np.arange(100), 130)).columns), {})
     assert choose_model(few, ["linear", "poly:2"], folds=5).best == PolynomialModel(2)
+
+
+def test_chambers_in_no_order_are_offered_a_model_without_symmetry(table: Table) -> None:
+    one, two = PRESSURES[:2]
+    moved = table.with_columns({one: table[two], two: 1.2 * table[one]})
+    tried = [item for item in default_candidates(moved) if item.name in ("poly:2", "actuated3")]
+    tried += [item for item in default_candidates(moved) if "general" in item.name][:1]
+    chosen = choose_model(moved, tried, folds=5)
+    assert chosen.best.name == "actuated3-general:1"
+    assert chosen.error[-1] < 0.5 * chosen.error[:-1].min()
+
+
+def test_a_diagnosis_adds_no_thousand_terms_to_a_model_without_symmetry(
+    table: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = ecm.fit_model(table, "actuated3-general:1")
+    tried: list[str] = []
+    monkeypatch.setattr(
+        fit, "_by_degree", lambda table, models: tried.extend(item.name for item in models)
+    )
+    fit.choose_base(model, table)
+    assert tried == ["actuated3-general:1", "actuated4-general:1"]
 
 
 def test_what_does_not_fit_is_said(train: Table, model: Model) -> None:

@@ -1,4 +1,4 @@
-"""Standard deviations of what is fitted to a log, where the noise of a sensor lasts for many rows."""
+"""Standard deviations of what is fitted to a log, where the noise lasts for many rows."""
 
 from __future__ import annotations
 

@@ -19,7 +19,13 @@ from scipy import special
 from ecm.comparison.residuals import features, in_each_component
 from ecm.diagnosis.settings import DEFAULTS, FORM_SHARE, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
-from ecm.effects.protocol import UNKNOWN_LENGTH, UNKNOWN_TORQUES, guesses_torques, jacobian_of
+from ecm.effects.protocol import (
+    ABSORBED,
+    UNKNOWN_LENGTH,
+    UNKNOWN_TORQUES,
+    guesses_torques,
+    jacobian_of,
+)
 from ecm.errors import ModelError
 from ecm.io.arrays import B, F, I, lstsq, svd
 from ecm.io.columns import POSE
@@ -311,7 +317,7 @@ def _not_absorbed(
         if share <= (own or usual):
             kept.append(item)
         elif not item.imitates:
-            absorbed[item.id] = Missing(f"the base absorbs it ({100.0 * share:.0f} %)", record)
+            absorbed[item.id] = Missing(f"{ABSORBED} ({100.0 * share:.0f} %)", record)
             if share <= _MOST_ABSORBED:
                 rest.append(replace(item, imitates=True))
     seen = {item.id for item in kept}

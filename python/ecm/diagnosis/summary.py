@@ -12,7 +12,7 @@ from ecm.comparison.residual_figures import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape
-from ecm.effects.protocol import UNKNOWN_LENGTH
+from ecm.effects.protocol import ABSORBED, UNKNOWN_LENGTH
 from ecm.errors import Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH, behind, unit_of
@@ -235,8 +235,13 @@ def _untested(document: Mapping[str, Any]) -> str:
     ids = [item["id"] for item in document["not_testable"]]
     if not ids or document["model"]["answer"] == "table":
         return ""
-    some = ", ".join(ids[:_SOME_UNTESTED]) + (", ..." if len(ids) > _SOME_UNTESTED else "")
-    return f"; not testable here: {len(ids)} effects ({some})"
+    # What has its columns and is hidden by the base concerns this body; the rest was not recorded.
+    reasons = {item["id"]: item["reason"] for item in document["not_testable"]}
+    hidden = [id for id in ids if reasons[id].startswith(ABSORBED)]
+    of_which = f", of which the base takes in {len(hidden)}" if hidden else ""
+    listed = hidden or ids
+    some = ", ".join(listed[:_SOME_UNTESTED]) + (", ..." if listed[_SOME_UNTESTED:] else "")
+    return f"; not testable here: {len(ids)} effects{of_which} ({some})"
 
 
 def _sized(item: Mapping[str, Any], way: str | None = None) -> str:

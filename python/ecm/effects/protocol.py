@@ -387,6 +387,8 @@ def guesses_torques(effect: Effect, rows: Rows) -> bool:
     return bool(np.linalg.norm(other - first) > _SAME * np.linalg.norm(first))
 
 
+ABSORBED = "the base absorbs it"
+"""Reason where the columns are there, and the base takes in what the effect does."""
 UNKNOWN_LENGTH = Missing("the mechanism's length is not known", "[mechanism] length_m")
 """Reason and remedy of an effect that needs the length."""
 _ROWS = 30

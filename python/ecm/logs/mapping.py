@@ -32,6 +32,7 @@ from ecm.logs.names import (
     named_as,
     read_name,
     trailing_units,
+    words_of,
 )
 from ecm.logs.sources import (
     COUNT,
@@ -257,8 +258,8 @@ def _unnumbered_pressures(
     pressures = [name for name, unit in stated.items() if unit and unit.dimension == "pressure"]
     return [
         f"column '{name}' is a pressure without a number: of the chamber that "
-        f"drives the body it is --map {shlex.quote(f'pressure_1_Pa={name}')}"
-        for name in pressures
+        f"drives the body it is --map {shlex.quote(f'pressure_{number}_Pa={name}')}"
+        for number, name in enumerate(pressures, 1)
     ]
 
 
@@ -308,6 +309,7 @@ def _read_names(log: Log) -> dict[str, Named]:
                  and (np.diff(log.columns[name]) > 0.0).all())]  # fmt: skip
     if len(timed) == 1 and not named[timed[0]].guesses:
         named[timed[0]] = Named((Guess("time"),), named[timed[0]].unit)
+    _name_threes(log, named)
     # About one axis the angle is the rotation vector, whatever three would be.
     turned = {
         name: part
@@ -319,6 +321,32 @@ def _read_names(log: Log) -> dict[str, Named]:
         ((name, part),) = turned.items()
         named[name] = Named((Guess("rotvec", part),), named[name].unit)
     return named
+
+
+_IN_THREES = ("position", "force", "torque")
+
+
+def _name_threes(log: Log, named: dict[str, Named]) -> None:
+    """Whatever they are called, the only x, y and z in a unit of length are the position.
+
+    So are those of a force, and of a torque.
+    """
+    for quantity in _IN_THREES:
+        dimension = QUANTITIES[quantity].dimension
+        if any(guess.dimension == dimension for own in named.values() for guess in own.guesses):
+            continue
+        threes: dict[tuple[str, ...], dict[str, str]] = {}
+        for name in log.columns:
+            unit = named[name].unit
+            if unit is not None and unit.dimension == dimension and not is_no_reading(name):
+                words = words_of(name)
+                for axis in {*_AXES}.intersection(words):
+                    rest = tuple(word for word in words if word != axis)
+                    threes.setdefault(rest, {})[axis] = name
+        whole = [own for own in threes.values() if len(own) == len(_AXES)]
+        if len(whole) == 1:
+            for axis, name in whole[0].items():
+                named[name] = Named((Guess(quantity, axis),), named[name].unit)
 
 
 def _renamed(log: Log) -> list[str]:

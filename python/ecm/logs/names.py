@@ -81,6 +81,7 @@ QUANTITIES = {
     "time": Quantity(
         "time", "t time timestamp stamp timestamps elapsed zeit clock", "", ("time_s",)
     ),
+    "dwell": Quantity("time", "dwell dwelltime", "", ("dwell_s",)),
     "temperature": Quantity("temperature", "temp temperature", "", ("temperature_degC",)),
     "strain": Quantity("strain", "strain stretch dehnung"),
     "stress": Quantity("stress", "stress"),
@@ -198,13 +199,13 @@ _OF_ANYTHING = frozenset({"%", "pct", "percent"})
 """Units of a strain that alone do not tell one."""
 _BRACKET = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
 """A name, and the unit in brackets at its end."""
-_ACTUATOR = re.compile(
-    r"(?:(?P<pressure>p|pressure|druck)|(?P<tension>tension|seilkraft))"
-    r"[\s_.-]*(?:(?:chamber|kammer|tendon|cable|seil)[\s_.-]*)?"
-    r"(?P<number>[1-9][0-9]*)[\s_]*[\s_\[(](?P<unit>[a-z]+)[\])]?"
-)
-"""The pressure of a chamber, or the tension of a tendon, with its number and unit."""
-_PRESSURE = ("pressure", "pressure", "Pa")
+_WITH_UNIT = re.compile(r"(?P<name>.*?)[\s_]*[\s_\[(](?P<unit>[a-z]+)[\])]?")
+_ACTUATORS = {
+    "pressure": ("pressure", "Pa", "p pressure druck chamber kammer bellows balg"),
+    "tension": ("force", "N", "tension seilkraft"),
+}
+"""Inputs of a body: dimension and unit, and the words that tell one beside its number."""
+_OF_TENDONS = frozenset({"tendon", "cable", "seil"})
 _COUNTS = ("pose_id", "run", "repeat")
 """Standard columns of whole numbers without a unit, which other programs write in capitals."""
 
@@ -248,7 +249,7 @@ def is_no_reading(name: str) -> bool:
     >>> is_no_reading("twist"), is_no_reading("actual_TCP_speed"), is_no_reading("tcp_pose")
     (True, True, False)
     """
-    return not _NOT_MEASURED.isdisjoint(_tokens(name))
+    return not _NOT_MEASURED.isdisjoint(words_of(name))
 
 
 SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
@@ -321,7 +322,7 @@ def read_name(name: str, unit_word: str = "") -> Named:
     comma = re.fullmatch(r"(.*\w)\s*,\s*([^,]+)", name)
     if comma is not None and find_unit(comma[2]) is not None:
         name, unit = comma[1], unit or find_unit(comma[2])
-    tokens = _tokens(name)
+    tokens = words_of(name)
     material = _of_material(tokens, unit_word)
     last = tokens[-1] if len(tokens) > 1 else ""
     if material is not None or is_other_unit(unit_word) or is_other_unit(last):
@@ -365,16 +366,22 @@ def _sure(name: str, unit_word: str) -> Named | None:
     """What a name of this project means, and a numbered pressure or tension with its unit."""
     if is_standard(name):
         return Named((Guess("standard", name),))
-    bare = "_".join(_tokens(name))
+    bare = "_".join(words_of(name))
     if bare in _COUNTS:
         return Named((Guess("standard", bare),))
-    found = _ACTUATOR.fullmatch(f"{name} {unit_word}".strip().lower())
+    found = _WITH_UNIT.fullmatch(f"{name} {unit_word}".strip().lower())
     unit = None if found is None else find_unit(found["unit"])
     if found is None or unit is None:
         return None
-    kind, dimension, si = ("tension", "force", "N") if found["tension"] else _PRESSURE
-    standard = Guess("standard", f"{kind}_{found['number']}_{si}")
-    return Named((standard,), unit) if unit.dimension == dimension else None
+    numbers = re.findall(r"[0-9]+", found["name"])
+    words = set(re.findall(r"[^\W\d_]+", found["name"])) - _IGNORED
+    for kind, (dimension, si, telling) in _ACTUATORS.items():
+        told = words.intersection(telling.split())
+        # One number counts them; further words may say that it is something else's pressure.
+        plain = told and words - told <= _OF_TENDONS and len(numbers) == 1
+        if unit.dimension == dimension and plain and not numbers[0].startswith("0"):
+            return Named((Guess("standard", f"{kind}_{numbers[0]}_{si}"),), unit)
+    return None
 
 
 def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
@@ -423,7 +430,7 @@ def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
         name, units[found.dimension] = cut[1], found
 
 
-def _tokens(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Words of a name: 'ForceX', 'force_x' and 'Force X' are ['force', 'x']."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z0-9])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     return [token.lower() for token in re.split(r"[^A-Za-z0-9°µ]+", spaced) if token]
@@ -445,7 +452,7 @@ def _guesses(tokens: list[str]) -> tuple[Guess, ...]:
         found = ["position", "torque"]
     elif stem in ("u", "d") and part not in _AXES:
         found = []  # a voltage, a number of a sample
-    return tuple(Guess(q, "" if q == "time" else part) for q in found)
+    return tuple(Guess(q, "" if q in ("time", "dwell") else part) for q in found)
 
 
 def _quantities(stem: str) -> list[str]:

@@ -260,6 +260,9 @@ def default_candidates(table: Table) -> list[ModelSpecification]:
     candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]
     if table.meta.length_m is not None and table.actuation_columns:
         candidates += [ActuatedModel(degree) for degree in (3, 4, 5)]
+        # Of ends that differ, and of chambers of any size and place, each of which acts for itself.
+        candidates.append(ActuatedModel(4, "revolution"))
+        candidates += [ActuatedModel(degree, "general", 1) for degree in (3, 4)]
     elif table.meta.length_m is not None:
         candidates += [EnergyModel(degree) for degree in (4, 5, 6)]
         # Of bodies whose ends differ, and of those without symmetry.

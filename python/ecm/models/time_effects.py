@@ -58,7 +58,7 @@ _OF_THE_RIG = {
     "payload": "a weight at the sensor: where the robot carries it, it belongs to the robot's mass"
 }
 """Why an effect of the measurement that is no error of it is left out."""
-_OF_INPUTS = dict.fromkeys(
+OF_INPUTS = dict.fromkeys(
     (effect.id for effect in ACTUATED),
     "the inputs of files are those that act, and docs/effects/actuation.md says how they follow "
     "from the recorded ones",
@@ -189,8 +189,8 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
             )
         elif effect.kind == "pose":
             continue
-        elif item.id in _OF_INPUTS or actuators_of(model.base):
-            found.left_out[item.id] = _OF_INPUTS.get(item.id, "files with actuators have no state")
+        elif item.id in OF_INPUTS or actuators_of(model.base):
+            found.left_out[item.id] = OF_INPUTS.get(item.id, "files with actuators have no state")
         elif to == "none":
             found.left_out[item.id] = "these files have no state and no temperature"
         elif kind not in kinds or (line and item.id not in _ALONG_A_LINE):

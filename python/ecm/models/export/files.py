@@ -28,7 +28,7 @@ from ecm.models.export.simulators import fmu, mujoco, opensim
 from ecm.models.export.source import Exported, Precision, Source, Target, without
 from ecm.models.measured_poses import folded, has_measured_poses, measured_poses
 from ecm.models.model import Model
-from ecm.models.time_effects import NEEDS_ENERGY, NEEDS_POLYNOMIAL, time_effects
+from ecm.models.time_effects import NEEDS_ENERGY, NEEDS_POLYNOMIAL, OF_INPUTS, time_effects
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.rows import actuators_of, is_whole, taken_by
 
@@ -409,7 +409,9 @@ def _without(
                 f"{errs[-1]:.2g} times the noise"
             )
             return Remedy(words, f"{again} --force", force=True)
-    left_out = without(ids, " (or export all the same with --force)")
+    mends = OF_INPUTS.keys() >= set(ids)
+    who = "where the controller makes what acts of what is recorded, " if mends else ""
+    left_out = without(ids, f" (or {who}export all the same with --force)")
     return replace(left_out, force=True)
 
 
