@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_268, 203),
+    "python/ecm": (43_424, 203),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_670, 236),
+    "tests": (33_860, 237),
     "crates": (34_192, 197),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: rows of
-a log whitened along time in slow noise, in place of a test with drawn series, and velocities over
-as many rows as their noise asks for (98 in the package); a test of each."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
+standard deviations and comparisons in slow noise (64 lines in the package, less 70 of a correlation
+time of the motion), one thread of BLAS for all who compute, copies of a caller's arrays, chambers
+of any name and kind; a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -410,7 +410,7 @@ def _without(
             )
             return Remedy(words, f"{again} --force", force=True)
     mends = OF_INPUTS.keys() >= set(ids)
-    who = "where the controller makes what acts of what is recorded, " if mends else ""
+    who = "where the controller computes what acts from what is recorded, " if mends else ""
     left_out = without(ids, f" (or {who}export all the same with --force)")
     return replace(left_out, force=True)
 
