@@ -108,3 +108,18 @@ def test_noise_that_is_only_assumed_is_no_floor() -> None:
         assert "% of" in text
     for document in (compared.to_dict(), found.to_dict()):
         assert document["noise"]["is_assumed"] is True
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_follows_the_last_change_of_a_pressure_is_structure(seed: int) -> None:
+    """Beside 40 coefficients and all smooth functions, few rows said that nothing follows."""
+    random = np.random.default_rng(seed)
+    x, pressure = 1e-3 * random.uniform(-5.0, 5.0, 70), 1e5 * random.uniform(0.0, 1.0, 70)
+    rose = np.sign(np.diff(pressure, prepend=pressure[0]))
+    force = 900.0 * x + 2e7 * x**3 - 2e-5 * pressure * (1.0 + 20.0 * x)
+    columns = {"time_s": 20.0 * np.arange(70), "x_m": x, "pressure_1_Pa": pressure}
+    meta = {"instrument": {"force_sd_N": 0.02, "pose_position_sd_m": 1e-6}}
+    noise = 0.02 * random.standard_normal(70)
+    for lacks in (0.0, 0.04):
+        table = ecm.Table({**columns, "fx_N": force + noise + lacks * rose}, meta)
+        assert ecm.compare(ecm.fit(table, "cubic"), table).missing == (lacks > 0.0)

@@ -17,14 +17,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
-from ecm.io.arrays import F, I, rms
+from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.table import Table
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import repeat_cells
-from ecm.regression.history import order_of_visits, speeds
+from ecm.regression.history import order_of_visits, speeds, values_before
 from ecm.regression.normal_equations import in_threads
-from ecm.regression.rows import Rows, is_whole
+from ecm.regression.rows import Rows, driven_by, is_whole
 from ecm.regression.slow_noise import deviance_in_time
 
 LEVEL = 0.01
@@ -82,39 +82,43 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     scored = rows.table.of_poses
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
-    known = features(rows, max(1, min(90, n // 3)))[0]
-    values = np.hstack([known, other_columns(rows), _higher_degrees(rows), _motion(rows)])
-    columns = in_each_component(whitener, values)
-    smooth = Beside.of(whitened, columns, own, weights, overwrite=True)
-    tests = [smooth.with_sign_chance(smooth.omnibus_test())]
+    known, motion = features(rows, max(1, min(90, n // 3)))[0], _motion(rows)
+    every = np.hstack([known, other_columns(rows), _higher_degrees(rows), motion])
+    # Of few rows little is left beside all functions together: what follows the motion is few.
+    asked = [every, motion] if motion.shape[1] else [every]
+    beside = [
+        Beside.of(whitened, in_each_component(whitener, values), own, weights, overwrite=True)
+        for values in asked
+    ]
+    tests = [one.with_sign_chance(one.omnibus_test()) for one in beside]
     cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
     repeated = lack_of_fit(whitened, cells, own.shape[2], weights)
     if repeated is not None:
         tests.append(repeated)
-    tests = [test for test in tests if np.isfinite(test.F)]
-    if not tests:
+    finite = [test for test in tests if np.isfinite(test.F)]
+    if not finite:
         return StructureTest(float("nan"), 1.0, 0.0)
-    best = min(tests, key=lambda test: test.p)
+    best = min(finite, key=lambda test: test.p)
     # Over the noise of the row, not over the rest: so far the noise is believed.
     chance = best.dof * best.rest / best.dof_error
     beyond = max(0.0, best.explained - chance) / max(1.0, float(weights.sum()) * m)
-    p = min(1.0, best.p * len(tests))
+    p = min(1.0, best.p * len(finite))
     if p < LEVEL and rows.table.continuous:
-        log, left = rows.table.select(scored), (smooth.residual[scored], smooth.rest[scored])
-        p = max(p, _chance_in_slow_noise(log, *left, smooth.span.rank))
+        seen = beside[min(range(len(beside)), key=lambda i: tests[i].p)]
+        p = max(p, _chance_in_slow_noise(rows.table.select(scored), seen, scored))
     return StructureTest(best.F, p, float(np.sqrt(beyond)))
 
 
-def _chance_in_slow_noise(log: Table, before: F, after: F, directions: int) -> float:
-    """Chance that columns make a residual (n, m) likelier by so much, each in its likeliest noise.
+def _chance_in_slow_noise(log: Table, beside: Beside, scored: B) -> float:
+    """Chance that columns make a residual likelier by so much, each in its likeliest noise.
 
     Twice the logarithm of the likelihood ratio has a chi-squared distribution, or is less: columns
     that were fitted as if rows erred independently take less of slow noise.
     """
-    deviances = [deviance_in_time(log, left) for left in (before, after)]
-    if deviances[0] is None or deviances[1] is None:
+    before, after = (deviance_in_time(log, left[scored]) for left in (beside.residual, beside.rest))
+    if before is None or after is None:
         return 0.0
-    return float(chi2.sf(deviances[0] - deviances[1], directions))
+    return float(chi2.sf(before - after, beside.span.rank))
 
 
 def _higher_degrees(rows: Rows) -> F:
@@ -134,9 +138,15 @@ def _chebyshev(values: F, most: int) -> F:
 def _motion(rows: Rows) -> F:
     """Return (N, q) velocities and ways of a continuous test; of few columns loops over the pose.
 
-    A damper follows the velocity, a loop its sign, and the width of a loop the pose.
+    A damper follows the velocity, a loop its sign, and the width of a loop the pose. What is wrong
+    of an input of an actuator follows its last change or the sign of that, of visits as well.
     """
     columns: list[F] = []
+    for name in driven_by(rows.base):
+        before = values_before(rows.table, [name], np.zeros(1))[:, 0]
+        change = np.nan_to_num(rows.table.column(name) - before)
+        if np.ptp(change) > 0.0:
+            columns += [change / change.std(), np.sign(change)]
     found = speeds(rows.table) if rows.table.continuous else {}
     few = len(rows.base.inputs) <= 2
     for j, name in enumerate(rows.base.inputs):

@@ -343,6 +343,8 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
             yield "measure a part twice: tells larger noise from a missing effect"
         base = model["base"]
         yield f"measure more: on held-out rows {base} errs {before:.2g} times the noise"
+    if document["verdict"] == "none" and document["model"]["answer"] == "effect":
+        yield "measure more poses, each of them twice: what is missing is too weak for these rows"
     if document["noise"]["source"] == "assumed":
         yield "measure a part twice: the noise is only assumed"
     if by_length and not whole:  # of some axes it brings one effect or two
