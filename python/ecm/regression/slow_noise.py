@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -259,13 +258,18 @@ def _likeliest(table: Table, rest: F) -> SlowPart | None:
     # Two numbers more, by their BIC.
     slow = found[0] - least > 2.0 * np.log(len(order))
     ratio = float(times[1] / times[0]) ** 0.5
-    for j, round_ in product(np.flatnonzero(slow), range(_ROUNDS)):
+    own_place = np.arange(own.shape[1])
+    for round_ in range(_ROUNDS if slow.any() else 0):
         along, across = (_AROUND / 2.0**round_).T
-        odds = best[j, 1] / (1.0 - best[j, 1]) * 2.0**across
-        near = np.column_stack([best[j, 0] * ratio**along, odds / (1.0 + odds)])
-        values = _deviances(gaps, own[:, [j]], near)[:, 0]
-        if values.min() < least[j]:
-            best[j], least[j] = near[np.argmin(values)], values.min()
+        odds = (best[:, 1] / (1.0 - best[:, 1]))[:, None] * 2.0**across
+        near = np.stack([best[:, [0]] * ratio**along, odds / (1.0 + odds)], axis=2)
+        # Of all components at once: going along the rows is most of the work.
+        values = _deviances(gaps, own, near.reshape(-1, 2))
+        values = values.reshape(*near.shape[:2], -1)[own_place, :, own_place]
+        nearest = values.argmin(axis=1)
+        better = slow & (values.min(axis=1) < least)
+        best = np.where(better[:, None], near[own_place, nearest], best)
+        least = np.where(better, values.min(axis=1), least)
     deviance = float(np.where(slow, least, found[0]).sum())
     time_s, share = np.where(slow[:, None], best, (1.0, 0.0)).T.tolist()
     return SlowPart(tuple(time_s), tuple(share), deviance)
