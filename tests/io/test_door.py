@@ -119,3 +119,10 @@ def test_a_table_passes_the_door_once(monkeypatch: pytest.MonkeyPatch) -> None:
     table = {"x_m": [0.0, 1e-3, 2e-3, 3e-3], "fx_N": [0.0, 9.0, 21.0, 30.0]}
     ecm.compare(ecm.fit_model(table, "linear"), table)
     assert sum(not isinstance(one, ecm.Table) for one in read) == 2
+
+
+@pytest.mark.parametrize("function", [ecm.refit, ecm.predict, ecm.export])
+def test_a_path_in_place_of_a_model_is_told_how_it_is_opened(function: Any) -> None:
+    rest = {"to": "c", "directory": "build"} if function is ecm.export else {"table": {"x_m": [0]}}
+    with pytest.raises(InputError, match="expected a Model, as ecm.load_model opens one"):
+        function("model.json", **rest)

@@ -159,7 +159,7 @@ def _words(hint: Any) -> str:
         return f"one of {', '.join(map(str, options))}"
     if options:
         return f"a list of {_words(options[0])}"
-    return f"a {getattr(hint, '__name__', hint)}"
+    return getattr(hint, "EXPECTED", None) or f"a {getattr(hint, '__name__', hint)}"
 
 
 def _shown(value: Any) -> str:

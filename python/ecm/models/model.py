@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -91,6 +91,7 @@ class Model(Shown, EvaluatedModel):
     array([False,  True])
     """
 
+    EXPECTED: ClassVar[str] = "a Model, as ecm.load_model opens one"
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[FitRecord, ...] = ()
