@@ -124,5 +124,5 @@ def test_a_table_passes_the_door_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("function", [ecm.refit, ecm.predict, ecm.export])
 def test_a_path_in_place_of_a_model_is_told_how_it_is_opened(function: Any) -> None:
     rest = {"to": "c", "directory": "build"} if function is ecm.export else {"table": {"x_m": [0]}}
-    with pytest.raises(InputError, match="expected a Model, as ecm.load_model opens one"):
+    with pytest.raises(InputError, match=r"expected a Model, as ecm\.load_model opens one"):
         function("model.json", **rest)
