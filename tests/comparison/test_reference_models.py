@@ -13,7 +13,17 @@ from ecm.comparison import compare
 from ecm.comparison.reference_models import ReferenceModels
 from support.campaigns import campaign, model
 from support.chain import neck
-from support.neck import Command
+from support.neck import LENGTH_M, Command, columns_of
+
+DESCRIBED = {
+    "mechanism": {"length_m": LENGTH_M},
+    "instrument": {
+        "force_sd_N": 0.3,
+        "torque_sd_Nm": 0.01,
+        "pose_position_sd_m": 1e-6,
+        "pose_rotation_sd_rad": 1e-6,
+    },
+}
 
 
 @pytest.mark.parametrize(
@@ -42,6 +52,22 @@ def test_nothing_hidden_points_nowhere() -> None:
         assert level == pytest.approx(1.0, abs=0.06)
     assert found.shares() == {}
     assert "noise" in found.sentence()
+
+
+@pytest.mark.parametrize("rows", [30, 60])
+def test_of_few_rows_without_a_cause_nothing_points_anywhere(rows: int) -> None:
+    """The ceiling was of the residual of fitted rows: all of the excess was "asymmetric"."""
+    for seed in range(3):
+        random = np.random.default_rng(seed)
+        poses = random.uniform(-1.0, 1.0, (rows, 6)) * [0.002, 0.01, 0.01, 0.3, 0.3, 0.3]
+        poses[:, 0] += LENGTH_M
+        noise = np.repeat([0.3, 0.01], 3) * random.normal(size=(rows, 6))
+        table = ecm.Table(columns_of(poses, model().base.predict(poses) + noise), DESCRIBED)
+        found = compare(ecm.fit(table, "energy4"), table).references
+        assert found is not None
+        assert found.energy is not None
+        assert found.ceiling == pytest.approx(found.energy, rel=0.03)
+        assert found.sentence() == "What is left is noise: no family of effects stands out."
 
 
 def test_shares_are_those_of_the_squares() -> None:

@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_438, 203),
+    "python/ecm": (43_447, 203),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_877, 237),
+    "tests": (33_899, 237),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:

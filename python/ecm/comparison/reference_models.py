@@ -53,6 +53,8 @@ class ReferenceModels:
     """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
     fem_needed: bool = False
     """Whether the physics is left out because the FEM of the table's body did not run yet."""
+    missing: bool = True
+    """Whether the comparison sees that something is missing; else the errors differ by chance."""
 
     def levels(self) -> dict[str, float]:
         """Return the known errors by name."""
@@ -65,7 +67,12 @@ class ReferenceModels:
         return {name: value for name, value in named.items() if value is not None}
 
     def shares(self) -> dict[str, float]:
-        """Return the share of the excess, in squares, of each family that can be separated."""
+        """Return the share of the excess, in squares, of each family that can be separated.
+
+        None where nothing is missing.
+        """
+        if not self.missing:
+            return {}
         levels = [self.physics, self.energy, self.ceiling, self.floor]
         names = ["symmetric", "asymmetric", "other"]
         falls: dict[str, float] = {}
@@ -94,7 +101,9 @@ class ReferenceModels:
         return fields_json(self) | {"shares": self.shares(), "sentence": self.sentence()}
 
 
-def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceModels | None:
+def fit_reference_models(
+    model: Model, table: Table, noise: Noise, *, missing: bool
+) -> ReferenceModels | None:
     """Fit the reference models; None for a table without all six pose and wrench columns.
 
     The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
@@ -123,6 +132,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
         ceiling=min(known) if known else None,
         by=held_out_by(kept, "time"),
         fem_needed=fem_needed,
+        missing=missing,
     )
 
 

@@ -173,7 +173,8 @@ class Comparison(Shown):
         Made when it is asked for: fits two bases; no FEM runs for it.
         """
         made = self.compared
-        return fit_reference_models(made.model, made.table.subsample(made.chosen), self.noise)
+        some = made.table.subsample(made.chosen)
+        return fit_reference_models(made.model, some, self.noise, missing=self.missing)
 
     @property
     def unused_inputs(self) -> tuple[str, ...]:

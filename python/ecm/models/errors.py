@@ -266,6 +266,7 @@ class Ceiling:
 def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     """Held-out error with a free cubic of the pose fitted to the residual.
 
+    It is that of the fit, times what the cubic leaves of its residual on rows held out.
     Ridge regression in whitened coordinates; the ridge is the best of a grid on the held-out rows,
     so that few distinct poses give a ceiling no worse than the model. None where the poses lack
     some of the six coordinates.
@@ -320,4 +321,7 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     total, own = float(squares[best]), physical[:, best]
     if total >= (whitened**2).sum():
         total, own = float((whitened**2).sum()), (fit.residual[scored] ** 2).sum(axis=0)
-    return Ceiling(float(np.sqrt(total / whitened.size)), np.asarray(np.sqrt(own / n)))
+    # The residual of fitted rows is less than that of others, of which the errors are to be.
+    known, fitted = held_out(fit), rms(whitened)
+    beyond = 1.0 if known is None or fitted == 0.0 else known / fitted
+    return Ceiling(beyond * float(np.sqrt(total / whitened.size)), np.asarray(np.sqrt(own / n)))
