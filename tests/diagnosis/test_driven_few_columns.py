@@ -140,4 +140,4 @@ def test_a_file_takes_the_pressure_that_acts(tmp_path: Path) -> None:
     better = ecm.refit(model, table, add=["chamber_leak"])
     with pytest.raises(ecm.InputError, match="the inputs of files are those that act") as refused:
         ecm.export(better, "c", tmp_path)
-    assert "where the controller makes what acts" in str(refused.value.remedy)
+    assert "where the controller computes what acts" in str(refused.value.remedy)

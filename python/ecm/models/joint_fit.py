@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from ecm.regression.noise import (
     shared_zero_error,
 )
 from ecm.regression.rows import Rows, is_whole
-from ecm.regression.slow_noise import SlowPart, Whitener
+from ecm.regression.slow_noise import SlowPart, Whitener, slow_part
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,18 @@ class JointFit:
         held = np.concatenate([np.zeros(0, dtype=bool), *own])
         return np.asarray(self.design.shape[2] - len(held) + np.flatnonzero(held))
 
-    def beside(self, slow: SlowPart) -> JointFit:
-        """Return the fit with the standard deviations that noise with this slow part gives."""
+    @cached_property
+    def slow(self) -> SlowPart | None:
+        """The slow part of what is left along a log; None where rows err independently."""
+        table = self.rows.table
+        return slow_part(table, self.whitened) if table.continuous else None
+
+    def in_slow_noise(self) -> JointFit:
+        """Return the fit with the standard deviations that noise with its slow part gives."""
+        if self.slow is None:
+            return self
         own = self.covariance - self.shared @ self.shared.T
-        covariance = self.covariance + own @ slow.products(self.rows.table, self.design) @ own
+        covariance = self.covariance + own @ self.slow.products(self.rows.table, self.design) @ own
         sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         free = sum(len(item.values) for item in self.effects if not item.frozen)
         effects = _each(self.effects, sd[len(sd) - free :], _with_sd)

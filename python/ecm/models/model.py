@@ -46,7 +46,6 @@ from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readin
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import is_whole, taken_by
-from ecm.regression.slow_noise import slow_part
 from ecm.report import figures
 from ecm.report.blocks import (
     Block,
@@ -489,9 +488,9 @@ class Model(Shown, EvaluatedModel):
             shaped.base, shaped.effects, table, used,
             freeze_base=freeze_base, prior=prior, kept=self.kept,
         )  # fmt: skip
-        if table.continuous and (slow := slow_part(table, joint.whitened)) is not None:
-            joint = joint.beside(slow)
-            training["slow_noise"] = {"sentence": slow.sentence()}
+        if joint.slow is not None:
+            training["slow_noise"] = {"sentence": joint.slow.sentence()}
+            joint = joint.in_slow_noise()
         if joint.smallest_taken:
             training["smallest_taken"] = True
         if prior is not None:

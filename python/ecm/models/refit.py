@@ -235,6 +235,7 @@ def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
         return []
     table = table.subsample(spread_rows(table, MANY_ROWS))
     fit = joint_fit(before.base, before.effects, table, fitted.noise, kept=before.kept)
+    fit = fit.in_slow_noise()
     k = len(fit.base.coefficients)
     alone = replace(before, base=fit.base, effects=fit.effects, covariance=fit.covariance[:k, :k])
     rest = Rows(table, fitted.base).middle_pose[None]
