@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
 from ecm.io.arrays import B, F, I, rms
@@ -118,7 +118,7 @@ def _chance_in_slow_noise(log: Table, beside: Beside, scored: B) -> float:
     before, after = (deviance_in_time(log, left[scored]) for left in (beside.residual, beside.rest))
     if before is None or after is None:
         return 0.0
-    return float(chi2.sf(before - after, beside.span.rank))
+    return float(chdtrc(beside.span.rank, max(before - after, 0.0)))
 
 
 def _higher_degrees(rows: Rows) -> F:
