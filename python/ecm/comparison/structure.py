@@ -84,12 +84,10 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     weights = scored.astype(np.float64)
     known, motion = features(rows, max(1, min(90, n // 3)))[0], _motion(rows)
     every = np.hstack([known, other_columns(rows), _higher_degrees(rows), motion])
-    # Of few rows little is left beside all functions together: what follows the motion is few.
-    asked = [every, motion] if motion.shape[1] else [every]
-    beside = [
-        Beside.of(whitened, in_each_component(whitener, values), own, weights, overwrite=True)
-        for values in asked
-    ]
+    beside = [Beside.of(whitened, in_each_component(whitener, every), own, weights, overwrite=True)]
+    if motion.shape[1]:
+        # Of few rows little is left beside all functions together: these are few.
+        beside.append(beside[0].of_others(in_each_component(whitener, motion)))
     tests = [one.with_sign_chance(one.omnibus_test()) for one in beside]
     cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
     repeated = lack_of_fit(whitened, cells, own.shape[2], weights)

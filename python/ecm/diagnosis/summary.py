@@ -232,16 +232,15 @@ def _errs_far(model: Mapping[str, Any]) -> bool:
 
 def _untested(document: Mapping[str, Any]) -> str:
     """What could be missing all the same, because nothing in these data would show it."""
-    ids = [item["id"] for item in document["not_testable"]]
-    if not ids or document["model"]["answer"] == "table":
+    untested = document["not_testable"]
+    if not untested or document["model"]["answer"] == "table":
         return ""
     # What has its columns and is hidden by the base concerns this body; the rest was not recorded.
-    reasons = {item["id"]: item["reason"] for item in document["not_testable"]}
-    hidden = [id for id in ids if reasons[id].startswith(ABSORBED)]
+    hidden = [item["id"] for item in untested if item["reason"].startswith(ABSORBED)]
     of_which = f", of which the base takes in {len(hidden)}" if hidden else ""
-    listed = hidden or ids
+    listed = hidden or [item["id"] for item in untested]
     some = ", ".join(listed[:_SOME_UNTESTED]) + (", ..." if listed[_SOME_UNTESTED:] else "")
-    return f"; not testable here: {len(ids)} effects{of_which} ({some})"
+    return f"; not testable here: {len(untested)} effects{of_which} ({some})"
 
 
 def _sized(item: Mapping[str, Any], way: str | None = None) -> str:

@@ -22,10 +22,10 @@ from ecm.io.events import Progress
 from ecm.io.table import Table, as_table
 from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
-from ecm.models.errors import error_over_noise
+from ecm.models.errors import Residuals, error_over_noise, residuals
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.expression import Expression, FunctionModel
-from ecm.models.joint_fit import base_columns, declared_or_fitted
+from ecm.models.joint_fit import base_columns, declared_or_fitted, usable_sd
 from ecm.models.maps import (
     FittedMap,
     MapDefaults,
@@ -44,9 +44,10 @@ from ecm.models.registry import fitted_to, parse_model
 from ecm.regression.f_test import outlying_squares
 from ecm.regression.folds import repeat_cells, spread_rows
 from ecm.regression.history import order_of_visits
+from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import Rows, inputs_of, unused_inputs
-from ecm.regression.slow_noise import SlowPart, Whitener, slow_part
+from ecm.regression.slow_noise import SlowPart, slow_part
 
 
 def refuse_unused_inputs(table: Table, specification: ModelSpecification) -> None:
@@ -105,10 +106,10 @@ def _model(fitted: FittedMap, table: Table) -> Model:
     """The model of a fit, its covariance widened where residuals exceed the stated noise."""
     base, covariance, known = fitted.base, fitted.covariance, fitted_to(table, fitted.base.inputs)
     training = known["training"]
-    slow = None if covariance is None or not table.continuous else _slow_part(fitted, table)
-    if covariance is not None and slow is not None:
-        covariance = _beside(slow, fitted, covariance, table)
-        training["slow_noise"] = {"sentence": slow.sentence()}
+    if covariance is not None and table.continuous:
+        covariance, slow = _in_slow_noise(fitted, covariance, table)
+        if slow is not None:
+            training["slow_noise"] = {"sentence": slow.sentence()}
     if (error := error_over_noise(measured_part(base, table), fitted.noise, table)) is not None:
         training["over_noise"] = error
     variance = fitted.residual_variance
@@ -129,35 +130,31 @@ _MOST_ROWS = 3000
 """Rows of a log on which the products of its columns rest: they change slowly."""
 
 
-def _slow_part(fitted: FittedMap, table: Table) -> SlowPart | None:
-    """The slow part of what a fit leaves, of consecutive rows in the middle of a long log."""
+def _in_slow_noise(fitted: FittedMap, covariance: F, table: Table) -> tuple[F, SlowPart | None]:
+    """The covariance of the coefficients in the noise of a log, and the slow part of that.
+
+    The slow part is that of consecutive rows in the middle of a long log.
+    """
     order = np.concatenate(order_of_visits(table))
     start = max(0, (len(order) - MANY_ROWS) // 2)
-    rows = Rows(table.select(order[start : start + MANY_ROWS]), fitted.base)
-    return slow_part(rows.table, _whitener(fitted, rows) @ _left(rows))
-
-
-def _beside(slow: SlowPart, fitted: FittedMap, covariance: F, table: Table) -> F:
-    """The covariance of the coefficients in noise with this slow part."""
-    order = np.concatenate(order_of_visits(table))
-    some = evenly(len(order), _MOST_ROWS)
-    rows = Rows(table.select(order[some]), fitted.base)
-    columns = _whitener(fitted, rows) @ base_columns(rows, fitted.base)
+    near = table.select(order[start : start + MANY_ROWS])
+    slow = slow_part(near, _errors(fitted, near).whitened)
+    if slow is None:
+        return covariance, None
+    some = table.select(order[evenly(len(order), _MOST_ROWS)])
+    columns = _errors(fitted, some).whitener @ base_columns(Rows(some, fitted.base), fitted.base)
     gap_s = float(np.median(np.abs(np.diff(table.column("time_s")[order]))))
-    more = slow.products(rows.table, columns, gap_s) * len(order) / len(some)
-    return np.asarray(covariance + covariance @ more @ covariance)
+    more = slow.products(some, columns, gap_s) * len(order) / len(some)
+    return np.asarray(covariance + covariance @ more @ covariance), slow
 
 
-def _whitener(fitted: FittedMap, rows: Rows) -> Whitener:
-    """By the noise, or by what is left where the fit did without one."""
-    if fitted.residual_variance is not None:
-        return fitted.noise.whitener(rows, fitted.base.error)
-    each = np.diag(1.0 / np.maximum(rms_of_columns(_left(rows)), 1e-300))
-    return Whitener(np.tile(each, (len(rows), 1, 1)))
-
-
-def _left(rows: Rows) -> F:
-    return np.asarray(rows.table.matrix(rows.base.outputs) - rows.sensor_load)
+def _errors(fitted: FittedMap, table: Table) -> Residuals:
+    """What a fit leaves, over the noise, or over its own size where the fit did without one."""
+    rows, noise = Rows(table, fitted.base), fitted.noise
+    if fitted.residual_variance is None:
+        left = table.matrix(fitted.base.outputs) - rows.sensor_load
+        noise = Noise(source="assumed", components=usable_sd(rms_of_columns(left), left))
+    return residuals(rows, rows.sensor_load, noise, fitted.base.error)
 
 
 _SMALLEST = 1e-3

@@ -250,7 +250,7 @@ def joint_fit(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=at.base,
-        effects=at.each(sd, _with_sd),
+        effects=_each(at.effects, sd[at.free_base :], _with_sd),
         rows=rows.measured,
         residual=residual,
         whitened=y,
@@ -396,6 +396,10 @@ def _with_sd(item: FittedEffect, sd: F) -> FittedEffect:
     return replace(item, sd=sd)
 
 
+def _moved_by(item: FittedEffect, step: F) -> FittedEffect:
+    return replace(item, values=item.values + step)
+
+
 @dataclass(frozen=True)
 class _At:
     """Where a fit stands; the free parameters are those of the base, then of the free effects."""
@@ -425,18 +429,12 @@ class _At:
         lower = np.concatenate([limits[0], [p.lower for p in own]])
         return lower, np.concatenate([limits[1], [p.upper for p in own]])
 
-    def each(
-        self, numbers: F, changed: Callable[[FittedEffect, F], FittedEffect]
-    ) -> tuple[FittedEffect, ...]:
-        """The effects, the free ones changed by their part of the numbers (k,)."""
-        return _each(self.effects, numbers[self.free_base :], changed)
-
     def moved(self, step: F) -> _At:
         """The free parameters changed by a step (k,)."""
         base = self.base
         if self.free_base:
             base = base.with_coefficients(base.coefficients + step[: self.free_base])
-        effects = self.each(step, lambda item, own: replace(item, values=item.values + own))
+        effects = _each(self.effects, step[self.free_base :], _moved_by)
         return _At(base, effects, self.free_base)
 
     def residual(self, rows: Rows, measured: F) -> tuple[F, list[F | None]]:

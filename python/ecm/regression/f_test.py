@@ -195,26 +195,25 @@ class Beside:
     """(n m, k) orthonormal, of the weighted fitted columns."""
     size: int
     """Readings of the rows that count."""
+    root: F
+    """(n,) square roots of the weights."""
 
     @staticmethod
     def of(
         whitened: F, design: F, fitted: F, weights: F | None = None, *, overwrite: bool = False
     ) -> Beside:
         """Project the fitted columns out; arguments as for `omnibus_test`."""
-        n, m, q = design.shape
+        n, m = whitened.shape
         root = np.ones(n) if weights is None else np.sqrt(weights)
         y = (whitened * root[:, None]).ravel()
-        z = np.multiply(design, root[:, None, None], out=design if overwrite else None)
-        z = z.reshape(n * m, q)
         basis = orthonormal((fitted * root[:, None, None]).reshape(n * m, -1))
-        y = y - basis @ (basis.T @ y)
-        along = basis.T @ z
+        y = (y - basis @ (basis.T @ y)).reshape(n, m)
+        span = _span_beside(basis, design, root, overwrite)
+        return Beside(y, span, basis, int((root > 0.0).sum()) * m, root)
 
-        def project_out(part: slice) -> None:
-            z[part] -= basis[part] @ along
-
-        in_blocks(len(z), project_out)
-        return Beside(y.reshape(n, m), Span.of(z), basis, int((root > 0.0).sum()) * m)
+    def of_others(self, design: F) -> Beside:
+        """The same residual and fitted columns with other columns (n, m, q), which are taken."""
+        return replace(self, span=_span_beside(self.basis, design, self.root, True))
 
     def omnibus_test(self) -> FTest:
         """F test whether the columns explain the residual."""
@@ -268,6 +267,19 @@ class Beside:
         if self.residual.shape[1] < 2 or test.p > 0.5 or not np.isfinite(test.F):
             return test
         return replace(test, p=max(test.p, self.sign_chance()))
+
+
+def _span_beside(basis: F, design: F, root: F, overwrite: bool) -> Span:
+    """The span of weighted columns (n, m, q), an orthonormal basis (n m, k) projected out."""
+    z = np.multiply(design, root[:, None, None], out=design if overwrite else None)
+    z = z.reshape(len(basis), design.shape[2])
+    along = basis.T @ z
+
+    def project_out(part: slice) -> None:
+        z[part] -= basis[part] @ along
+
+    in_blocks(len(z), project_out)
+    return Span.of(z)
 
 
 @dataclass(frozen=True)
