@@ -213,6 +213,55 @@ def test_wear_below_the_largest_energy_is_no_warm_room(seed: int, again: int) ->
     assert chances["the largest deflection so far"] > 0.9
 
 
+def locking_joint(rows: int, seed: int, grows: bool) -> Table:
+    """Three angles of a joint that locks up: no polynomial of few degrees holds its form."""
+    random = np.random.default_rng(seed)
+    time_s = 0.05 * np.arange(rows)
+    if grows:
+        q = random.uniform(-1.0, 1.0, (rows, 3)) * np.linspace(0.2, 1.0, rows)[:, None]
+    else:
+        turns = random.uniform(0.05, 0.15, 3) * time_s[:, None] + random.uniform(0.0, 1.0, 3)
+        q = np.sin(2.0 * np.pi * turns) * np.linspace(0.2, 1.0, rows)[:, None]
+    stiffness = np.array([[3.0, 0.5, 0.2], [0.5, 2.0, 0.3], [0.2, 0.3, 4.0]])
+    torque = q @ stiffness / (1.0 - 0.18 * (q**2).sum(axis=1, keepdims=True)) + 0.4 * np.sinh(
+        1.5 * q
+    )
+    noise = 0.003 * float(np.abs(torque).max())
+    torque += noise * random.standard_normal(q.shape)
+    columns = {f"theta_{axis}_rad": 0.3 * q[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"tau_{axis}_Nm": torque[:, i] for i, axis in enumerate("xyz")}
+    columns |= {"time_s": (20.0 if grows else 1.0) * time_s}
+    return ecm.as_table(
+        columns,
+        meta={
+            "file": {"kind": "static" if grows else "continuous"},
+            "instrument": {"pose_rotation_sd_rad": 1e-6, "torque_sd_Nm": noise},
+        },
+    )
+
+
+@pytest.mark.parametrize("seed", [16, 17, 23, 29])
+def test_a_body_that_locks_up_in_a_test_that_grows_does_not_remember_its_largest_load(
+    seed: int,
+) -> None:
+    """The largest deflection so far is nearly the deflection itself there."""
+    table = locking_joint(150, seed, grows=True)
+    model = ecm.fit_model(table, "cubic")
+    assert posterior(find_missing(model, table).problem).of_pose > 0.9
+    found = diagnose(model, table)
+    assert found.verdict == ("none" if seed == 16 else "unknown")
+    if found.unknown is not None:
+        assert "follows the pose alone, in a form that poly:3 lacks" in str(found)
+        assert "fit a model of more terms" in str(found)
+
+
+def test_a_log_that_a_polynomial_of_more_degrees_holds_lacks_nothing_else() -> None:
+    table = locking_joint(2000, 0, grows=False)
+    found = diagnose(ecm.fit_model(table, "cubic"), table)
+    assert found.verdict == "none"
+    assert found.to_dict()["model"]["base"] == "poly:5"
+
+
 def test_growth_is_named_and_its_size_found() -> None:
     table = warmed(SWING, GROWTH)
     found = diagnose(ecm.fit_model(table, "energy4"), table)

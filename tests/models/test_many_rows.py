@@ -76,7 +76,7 @@ def test_many_rows_are_not_fitted_anew_for_each_fold(
     anew = cross_validate(table, model)
     fitted = fit_model(table, model).base
     monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 500)
-    monkeypatch.setattr(cross_validation_module, "fit_rows", None)
+    monkeypatch.setattr(cross_validation_module, "fit_base", None)
     once = cross_validate(table, model, fitted=fitted)
     # The same sums for least squares; one step of a converging iteration for an energy.
     accuracy = 1e-9 if model == "quadratic" else 2e-3

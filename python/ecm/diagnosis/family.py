@@ -16,7 +16,7 @@ nothing, and with effects that may be named: a process of their columns, each of
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,6 +31,8 @@ from ecm.effects.sensor import warmth_of
 from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
+from ecm.models.maps import EnergyMap
+from ecm.models.partial import whole_map
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, has_order, largest_so_far, row_before, speeds
 from ecm.regression.rows import Rows
@@ -198,7 +200,7 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     drivers = tuple(_drivers(problem, frozenset(item.id for item in named)))
     processes = [
         [problem.whitener.in_time(form) for form in forms]
-        for forms in (*(one.forms for one in drivers), (_of_pose(problem),))
+        for forms in (*(one.forms for one in drivers), tuple(_of_pose(problem)))
     ]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
@@ -342,10 +344,8 @@ def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterat
         forms = tuple(_free(problem, one) for one in places)
         relaxes = ("stress_relaxation",)
         yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
-    size = np.sqrt((moved**2).sum(axis=1))
     if has_order(problem.table):
-        # Stiff directions add more to the energy than to the deflection.
-        sizes = [one / rms(one) for one in (size, _work(whole)) if np.ptp(one) > 0.0]
+        sizes = _sizes_of_load(whole)
         forms = tuple(f for one in sizes for f in _factors(problem, _of_memory(rows, one)))
         text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
         load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
@@ -408,8 +408,13 @@ def _before(rows: Rows) -> F:
     return rows.of_whole(before_each(whole.poses, row_before(whole.table)))
 
 
-def _of_pose(problem: Problem) -> F:
-    """(N, m, q) a smooth process of the pose in each component."""
+def _of_pose(problem: Problem) -> Iterator[F]:
+    """Yield (N, m, q) smooth processes of the pose: in each component, and forms of a body.
+
+    These are a factor on the wrench that follows the deflection or the work, as every nonlinear
+    material has, and what an energy of two degrees more holds. Beside them alone the largest
+    deflection so far has a meaning: in a test that grows it is much like the deflection itself.
+    """
     rows = problem.rows
     at = rows.poses - rows.middle_pose
     at = at / (rms_of_columns(at) + 1e-12)
@@ -420,7 +425,24 @@ def _of_pose(problem: Problem) -> F:
         return np.asarray(np.exp(-squares / (3.0 * at.shape[1])))
 
     values, vectors = np.linalg.eigh(kernel(some, some) + 1e-6 * np.eye(len(some)))
-    return _free(problem, (kernel(at, some) @ vectors / np.sqrt(values))[:, ::-1][:, :24])
+    yield _free(problem, (kernel(at, some) @ vectors / np.sqrt(values))[:, ::-1][:, :24])
+    for size in _sizes_of_load(rows.whole):
+        yield from _factors(problem, _cosines(rows.of_whole(size), 4))
+    base = whole_map(problem.base)
+    if isinstance(base, EnergyMap) and base.terms.symmetry != "general":  # that has thousands
+        terms = replace(base.terms, degree=base.terms.degree + 2)
+        outputs = [WRENCH.index(name) for name in problem.base.outputs]
+        columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
+        columns = problem.whitener.each @ columns
+        yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
+
+
+def _sizes_of_load(rows: Rows) -> list[F]:
+    """(N,) deflection and work, each over its rms: stiff directions add more to the work."""
+    moved = rows.measured.poses - rows.middle_pose
+    moved = moved / (rms_of_columns(moved) + 1e-12)
+    sizes = np.sqrt((moved**2).sum(axis=1)), _work(rows)
+    return [one / rms(one) for one in sizes if np.ptp(one) > 0.0]
 
 
 def _cosines(values: F, count: int) -> F:

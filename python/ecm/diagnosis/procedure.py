@@ -74,7 +74,7 @@ from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.fit import as_model, choose_base, energy_with, fit_rows, symmetric_energy
+from ecm.models.fit import as_model, choose_base, energy_with, fit_base, symmetric_energy
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -141,24 +141,34 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
 
     A degree is taken with all of its terms or not at all. One strong term of a higher one, which
     was left out with many weak ones, looks like a kink; of an odd law it is two degrees higher.
-    It is tried in place of all names, and in place of each beside the others.
+    It is tried in place of all names, and in place of each beside the others. Without a name it
+    must lower the BIC.
     """
     problem, base = decision.problem, whole_map(decision.problem.base)
-    if not isinstance(base, PolynomialMap) or not decision.answer:
+    if not isinstance(base, PolynomialMap):
         return None
     measured, effects = problem.table.measured(), decision.accepted.effects
     beside = dict.fromkeys([(), *(without(effects, item) for item in effects)])
     tried: list[StiffnessMap] = []
     with suppress(ModelError, InputError):  # fewer rows than coefficients
         for degree in (base.model.degree + 1, base.model.degree + 2):
-            tried.append(fit_rows(measured, PolynomialModel(degree)).base)
+            tried.append(fit_base(measured, PolynomialModel(degree)))
     best, least = None, _error_left(decision)
     for richer, kept in product(tried, beside):
         with suppress(ModelError, InputError):  # base and effects run away from the rows
             error = _error_of(problem, richer, kept)
-            if error < least:
+            if error < least and (decision.answer or _lower_bic(problem, richer, error)):
                 best, least = richer, error
     return best
+
+
+def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
+    """Whether a base with this error has a lower BIC than that of the problem."""
+    size, own = problem.size, len(problem.base.coefficients)
+    before = _error(problem, problem.fit.residual, own)
+    k = len(richer.coefficients)
+    fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
+    return bool(fall > (k - own) * np.log(size))
 
 
 def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
@@ -469,12 +479,11 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     """Return the decision with the family in place of `unknown`, where one is sure.
 
     Names that all else outweighs nine to one are no more than a part of what is missing; where
-    nothing is likeliest they are chance.
+    nothing is likeliest they are chance. Where the pose is sure, it is said to be the model's form.
     """
     problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
-    if decision.misread or not (decision.answer or unknown):
-        return decision
-    if unknown is not None and (unknown.slow_noise or unknown.variables == ("run",)):
+    told = unknown is not None and (unknown.slow_noise or unknown.variables == ("run",))
+    if decision.misread or told or not (decision.answer or unknown):
         return decision
     chances = posterior(problem, accepted.effects)
     if unknown is None:
@@ -487,7 +496,10 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
     if family is None:
-        return decision
+        if chances.of_pose >= SURE:
+            words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
+            unknown = replace(unknown, words=words, variables=("pose",), nearest=None, template="")
+        return replace(decision, unknown=unknown)
     variables = tuple(dict.fromkeys([*family.columns, *unknown.variables]))
     unknown = replace(unknown, variables=variables, template=family.draft)
     said = replace(decision, verdict="family", unknown=unknown, family=family)

@@ -83,7 +83,7 @@ def fit_rows(
     weights: Weights = "auto",
     progress: Progress | None = None,
 ) -> Model:
-    """Fit a model as `fit_model` does, without its pose error: for the many fits of a search.
+    """Fit a model as `fit_model` does, without its pose error.
 
     Examples
     --------
@@ -93,13 +93,25 @@ def fit_rows(
     >>> fit_rows(as_table({"x_m": x, "fx_N": 2000.0 * x}), parse_model("linear")).name
     'poly:1'
     """
+    return _model(_fitted(table, specification, weights, progress), table.measured())
+
+
+def fit_base(
+    table: Table, specification: ModelSpecification, progress: Progress | None = None
+) -> StiffnessMap:
+    """Fit the map alone, for the many fits of a search: nothing asks how sure it is."""
+    return _fitted(table, specification, "auto", progress).base
+
+
+def _fitted(
+    table: Table, specification: ModelSpecification, weights: Weights, progress: Progress | None
+) -> FittedMap:
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")
-    used = measured
     if specification.most_rows is not None:
-        used = measured.select(spread_rows(measured, specification.most_rows))
-    return _model(specification.fit_map(used, weights, progress), measured)
+        measured = measured.select(spread_rows(measured, specification.most_rows))
+    return specification.fit_map(measured, weights, progress)
 
 
 def _model(fitted: FittedMap, table: Table) -> Model:
@@ -302,11 +314,11 @@ def polynomial(table: Table, also: int = 0) -> StiffnessMap:
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
     """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
-    chosen = measured_part(fit_rows(measured, models[0]).base, measured)
+    chosen = measured_part(fit_base(measured, models[0]), measured)
     _, least = _share_and_score(chosen, measured)
     for model in models[1:]:
         try:
-            base = measured_part(fit_rows(measured, model).base, measured)
+            base = measured_part(fit_base(measured, model), measured)
         except (ModelError, InputError):
             # More coefficients than equations: so are they for every degree above.
             break
@@ -364,7 +376,7 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if _has_energy_of_inputs(table):
         return _energy_of_inputs(table, base)
     if six and body is not None:
-        return measured_part(fit_rows(table, parse_model("physics")).base, table)
+        return measured_part(fit_base(table, parse_model("physics")), table)
     if six and table.meta.length_m is not None:
         return symmetric_energy(table)
     alike = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)

@@ -22,7 +22,7 @@ from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
-from ecm.models.fit import as_model, choose_base, fit_rows, refuse_unused_inputs
+from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
@@ -524,7 +524,7 @@ def _held_near_physics(changed: Model, table: Table, with_ceiling: bool) -> Mode
     known = table.physics_body is not None and table.has(*POSE, *WRENCH)
     if not free or not known or changed.inputs != POSE:
         return None
-    stated = fit_rows(table, PhysicsModel()).base
+    stated = fit_base(table, PhysicsModel())
     physics = replace(changed, base=stated, history=()).fit(table, with_ceiling=False)
     base, rows = cast(PhysicsMap, physics.base), without_zero_readings(table)
     prior = physics_prior(changed.base, base, physics.effects, rows, physics.noise)

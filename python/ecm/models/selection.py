@@ -24,7 +24,7 @@ from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
-from ecm.models.fit import fit_rows, polynomial
+from ecm.models.fit import fit_base, polynomial
 from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
@@ -155,7 +155,7 @@ def cross_validate(
         if maps is None:
             train = measured.select(np.flatnonzero(fold != part))
             waiting = None if progress is None else part_told
-            base = fit_rows(train, specification, progress=waiting).base
+            base = fit_base(train, specification, waiting)
         else:
             base = maps[part]
         predicted = measured_part(base, test).predict(inputs_of(base, test))
@@ -543,7 +543,7 @@ def _square(
 
     Those of a principal component regression are of its rank.
     """
-    base = fit_rows(table.select(rows), model).base
+    base = fit_base(table.select(rows), model)
     part = table.select(test)
     residual = part.matrix(base.outputs) - base.predict(inputs_of(base, part))
     square = float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())
