@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ecm
@@ -126,3 +127,19 @@ def test_a_path_in_place_of_a_model_is_told_how_it_is_opened(function: Any) -> N
     rest = {"to": "c", "directory": "build"} if function is ecm.export else {"table": {"x_m": [0]}}
     with pytest.raises(InputError, match=r"expected a Model, as ecm\.load_model opens one"):
         function("model.json", **rest)
+
+
+def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In Python no shell puts the home folder in: a folder of the name ~ was made."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    y = np.linspace(-0.01, 0.01, 9)
+    table = as_table({"y_m": y, "fy_N": 3000.0 * y})
+    table.write("~/table.csv")
+    model = ecm.fit("~/table.csv", "linear")
+    model.save("~/model.json")
+    ecm.export(model, "c", "~/code")
+    assert ecm.load_model("~/model.json").name == model.name
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made == {"code", "model.json", "table.csv"}

@@ -201,3 +201,12 @@ def test_a_saved_state_goes_on_to_the_bit(model: Model) -> None:
 def test_wrong_settings_are_refused() -> None:
     with pytest.raises(InputError, match="weight"):
         AdaptSettings(("weight",))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("force_sd_N", np.nan), ("reach_m", -1.0), ("model_rim", 0.5)]
+)
+def test_a_setting_that_means_nothing_is_named(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=rf"adapt: {name} = {value}: expected [01] or more"):
+        AdaptSettings(**{name: value})
+    assert AdaptSettings("modulus").names == ("modulus",)  # type: ignore[arg-type]

@@ -186,7 +186,8 @@ def test_the_noise_that_the_loop_passes_on_is_what_is_stated() -> None:
 
 
 def test_settings_of_the_robot_are_checked() -> None:
-    for wrong in ({"mass_kg": 0.0}, {"inertia_kg_m2": np.nan}, {"dt_s": -1.0}, {"delay_s": -1.0}):
+    wrongs = [{"mass_kg": 0.0}, {"inertia_kg_m2": np.nan}, {"dt_s": -1.0}, {"delay_s": -1.0}]
+    for wrong in (*wrongs, {"mass_kg": 1e-20}, {"inertia_kg_m2": 1e-20}):  # the poles were NaN
         with pytest.raises(InputError, match=next(iter(wrong))):
             LoopSettings(**wrong)
     with pytest.raises(InputError, match="at most 50 steps"):

@@ -14,6 +14,14 @@ import numpy as np
 import pytest
 
 import ecm
+from ecm.effects import Effect
+from ecm.effects.actuation import (
+    PressureCrossTalk,
+    PressureGain,
+    PressureHysteresis,
+    PressureOffset,
+    RegulatorLag,
+)
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -26,6 +34,7 @@ from support.cortex_m import WARNINGS
 from support.driven import PRESSURES, arm_table
 from support.exports import HEAD, loaded_library, written
 from support.fmu import Instance
+from support.models import with_effects
 from support.neck import ROOT
 from support.programs import cargo, ended, need_linux, need_program
 
@@ -90,6 +99,134 @@ def test_c_is_the_model_with_its_inputs(
     assert call("inside", [*rows[0, :8], 1e6] * np.ones(9))[0] == 0
     _, (_, h) = call("value", [*rows[0, :8], np.nan] * np.ones(9), np.zeros(6))
     assert np.isnan(h).all()
+
+
+SLIP, LAG = PressureHysteresis("all", 3e3), RegulatorLag("pressure_2_Pa", 2.5)
+OF_INPUTS: dict[str, list[tuple[Effect, list[float]]]] = {
+    "a spring that slips": [(SLIP, [900.0])],
+    "the sign of the last change": [(PressureHysteresis("pressure_1_Pa"), [400.0])],
+    "a lag": [(LAG, [0.4])],
+    "a gauge that lags": [(RegulatorLag(), [-0.2])],
+    "all": [
+        (SLIP, [900.0]),
+        (LAG, [0.4]),
+        (PressureOffset("pressure_2_Pa"), [300.0]),
+        (PressureGain(), [0.03]),
+        (PressureCrossTalk("pressure_1_Pa"), [0.05]),
+    ],
+}
+
+
+def a_log(table: Table) -> Table:
+    """The rows at uneven times, with a sudden change."""
+    time = np.cumsum(np.random.default_rng(2).uniform(0.0, 4.0, len(table)))
+    time[30] = time[29]
+    return table.with_columns({"time_s": time})
+
+
+@pytest.mark.parametrize("kind", OF_INPUTS)
+@pytest.mark.parametrize("name", ["actuated4", "quadratic"])
+def test_recorded_inputs_are_stepped_in_c_as_in_a_log(
+    table: Table, kind: str, name: str, tmp_path: Path
+) -> None:
+    """To rounding at each row, a step of no time among them; what is refused leaves the state."""
+    log = a_log(table)
+    model = with_effects(ecm.fit_model(log, name), *OF_INPUTS[kind])
+    exported = export_files(model, "c", "arm")
+    assert (exported.left_out, exported.lost) == ((), {})
+    ids = ", ".join(effect.id for effect, _ in OF_INPUTS[kind])
+    assert f"Steps of the recorded inputs to those that act: {ids}; " in str(exported)
+    written(model, tmp_path, "c", name="arm")
+    step = loaded_library(tmp_path / "arm_steps.c", tmp_path / "arm.c", *WARNINGS)
+    nine, six, number = ctypes.c_double * 9, ctypes.c_double * 6, ctypes.c_double
+    state, h, k, acting = (number * 64)(), six(), (number * 54)(), nine()
+    other, slope = six(), (number * 54)()
+    recorded, expected = log.matrix((*POSE, *PRESSURES)), model.predict(log)
+    step.arm_init(state, nine(*recorded[0]))
+    for row, dt, wrench in zip(
+        recorded, np.diff(log["time_s"], prepend=log["time_s"][0]), expected, strict=True
+    ):
+        for pose, wrong in ((row * np.where(np.arange(9) == 7, np.nan, 1.0), 1.0), (row, -1.0)):
+            saved = bytes(state)
+            assert step.arm_step(state, nine(*pose), number(wrong), h, k, acting) == 0
+            assert np.isnan([*h, *k, *acting]).all()
+            assert bytes(state) == saved
+        assert step.arm_step(state, nine(*row), number(dt), h, k, acting) == 1
+        np.testing.assert_allclose(h, wrench, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+        step.arm_value_and_stiffness(nine(*row), other, slope)
+        there = np.array(other) + np.reshape(slope, (6, 9)) @ (np.array(acting) - row)
+        np.testing.assert_allclose(h, there, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+        step.arm_value_and_stiffness(acting, other, slope)
+        np.testing.assert_array_equal(k, slope)
+    assert np.abs(expected - model.base.predict(recorded)).max() > 1e-3 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["actuated4", "linear"])
+def test_recorded_inputs_are_stepped_in_rust_as_in_a_log(
+    table: Table, name: str, tmp_path: Path
+) -> None:
+    log = a_log(table)
+    model = with_effects(ecm.fit_model(log, name), *OF_INPUTS["all"])
+    folder = written(model, tmp_path, "rust", name="arm")
+    expected = model.predict(log)
+    dts = np.diff(log["time_s"], prepend=log["time_s"][0])
+    lines = np.column_stack([log.matrix((*POSE, *PRESSURES)), dts, expected]).tolist()
+    (folder / "tests" / "log.rs").write_text(
+        f"""#[test]
+        fn each_row_is_as_predicted() {{
+            let rows: [[f64; 16]; {len(lines)}] = {lines};
+            let at = |row: &[f64; 16]| -> [f64; 9] {{ core::array::from_fn(|i| row[i]) }};
+            let mut state = arm::steps::State::new(&at(&rows[0]));
+            for row in &rows {{
+                let (saved, p) = (state, at(row));
+                assert!(state.step(&p, -1.0).is_none());
+                assert!(state.step(&[f64::NAN; 9], 1.0).is_none());
+                assert_eq!(saved, state);
+                let said = state.step(&p, row[9]).unwrap();
+                for (found, wanted) in said.wrench.iter().zip(&row[10..]) {{
+                    assert!((found - wanted).abs() < {1e-12 * np.abs(expected).max()});
+                }}
+                assert_eq!(said.slopes, arm::value_and_stiffness(&said.acting).1);
+            }}
+        }}"""
+    )
+    built = cargo(folder, folder / "target", "test", "--release", RUSTFLAGS="-D warnings")
+    assert "each_row_is_as_predicted ... ok" in built
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmu_steps_from_the_recorded_inputs(table: Table, version: int, tmp_path: Path) -> None:
+    """From its start, without pressure at rest; a stored state goes on to the bit."""
+    need_linux()
+    need_program("gcc", "cc")
+    log, names = a_log(table).select(np.arange(12)), (*POSE, *PRESSURES)
+    for place, name in enumerate(names):
+        first = 0.1 if place == 0 else 0.0
+        log = log.with_columns({name: np.append(first, log[name][1:])})
+    model = with_effects(ecm.fit_model(table, "actuated4"), *OF_INPUTS["all"])
+    folder = written(model, tmp_path, "fmu", name="arm")
+    fmu = Instance(folder / f"arm_fmi{version}.fmu", tmp_path / "fmu")
+    assert tuple(fmu.variables("input")) == names
+    assert fmu.enter() == 0
+    expected, dts = model.predict(log), np.diff(log["time_s"])
+    for row, dt, wrench in zip(log.matrix(names)[1:], dts, expected[1:], strict=True):
+        saved = fmu.saved()
+        for _ in range(2):
+            fmu.restore(saved)
+            fmu.set(names, row)
+            assert fmu.step(0.0, dt) == 0
+            np.testing.assert_allclose(fmu.get(WRENCH), wrench, rtol=0.0, atol=1e-9)
+
+
+def test_what_has_no_steps_of_the_inputs_names_the_target_that_has(
+    model: Model, tmp_path: Path
+) -> None:
+    large = with_effects(model, *OF_INPUTS["a lag"])
+    sizes = {"effect_sizes": {"regulator_lag": 5.0}, "effect_shares": {"regulator_lag": 0.2}}
+    large = replace(large, training={**large.training, **sizes})
+    with pytest.raises(InputError, match="Export it to c, which steps"):
+        ecm.export(large, "mujoco", tmp_path, name="arm")
+    ecm.export(large, "c", tmp_path, name="arm")
 
 
 def test_free_pose_in_c_is_that_of_the_model(model: Model, rows: F, tmp_path: Path) -> None:
@@ -169,6 +306,19 @@ def test_a_target_without_such_inputs_says_which_has_them(model: Model, table: T
         export_files(model.at_actuation(np.array([1e4, 0.0, 0.0])), target, "arm")
     with pytest.raises(InputError, match="no inputs for pressure_1_Pa"):
         export_files(ecm.fit_model(table, "linear"), "mujoco", "arm")
+
+
+def test_a_controller_in_python_and_inputs_that_are_no_numbers_name_the_way_out(
+    model: Model, rows: F
+) -> None:
+    with pytest.raises(InputError, match="without the inputs of actuators") as refusal:
+        model.controller()
+    assert refusal.value.remedy is not None
+    assert "--to c" in refusal.value.remedy.command
+    for wrong in (np.array([0.0, np.nan, 0.0]), np.ma.array([0.0, 1e4, 0.0], mask=[0, 1, 0])):
+        for call in (model.predict, model.actuation_jacobian, lambda _, a: model.at_actuation(a)):
+            with pytest.raises(InputError, match="row 0, column pressure_2_Pa is nan"):
+                call(rows[0, :6], wrong)
 
 
 def test_rows_of_a_table_tell_where_the_export_is_inside(model: Model, table: Table) -> None:

@@ -174,6 +174,8 @@ def test_the_ros_node_refuses_what_means_nothing(folder: Path, name: str) -> Non
     place = thousand_poses()[0, :3].tolist()
     with pytest.raises(ValueError, match="orientation of length 0"):
         follower.wrench(0.0, place, (0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="of no numbers"):  # as no turn was taken
+        follower.wrench(0.0, place, (0.0, 0.0, 0.0, np.nan))
     for bad in ([np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]):
         with pytest.raises(ValueError, match="no wrench at pose"):
             follower.wrench(0.0, bad, (0.0, 0.0, 0.0, 1.0))
@@ -198,6 +200,14 @@ def test_the_loader_refuses_what_means_nothing(folder: Path) -> None:
     with pytest.raises(ValueError, match="no step of -1"):
         slow.step(state, thousand_poses()[0], -1.0)
     np.testing.assert_array_equal(state, kept)
+    # C would read and write past their ends.
+    for call in (neck.value_and_stiffness, neck.inside, slow.init, lambda p: slow.step(kept, p, 0)):
+        for short in ([0.1, 0.0, 0.0], np.zeros((1, 6)), 0.1):
+            with pytest.raises(ValueError, match=r"pose of shape .*: expected \(6,\)"):
+                call(short)
+    for other in (kept[:6], kept.astype(np.float32), kept.tolist(), np.repeat(kept, 2)[::2]):
+        with pytest.raises(ValueError, match=r"state: expected the \(49,\) numbers of init"):
+            slow.step(other, thousand_poses()[0], 0.0)
     warm, _ = slow.step(state.copy(), thousand_poses()[0], 0.0, temperature_degC=31.0)
     cold, _ = slow.step(state.copy(), thousand_poses()[0], 0.0)
     assert np.abs(warm).sum() < np.abs(cold).sum()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
+import pickle
 import re
 from pathlib import Path
 
@@ -321,9 +323,12 @@ def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model)
     for pose in poses[:5]:
         controller.step(pose, 0.01)
     saved = controller.state
-    for pose, dt in ((np.full(6, np.nan), 0.01), (poses[5], -1.0), (poses[5], np.nan)):
-        assert np.isnan(controller.step(pose, dt)[0]).all()
-        assert controller.state.tobytes() == saved.tobytes()
+    assert np.isnan(controller.step(np.full(6, np.nan), 0.01)[0]).all()
+    for dt in (-1.0, np.nan, np.inf, "0.01"):
+        for call in (controller.step, controller.predict_ahead):
+            with pytest.raises(InputError, match=rf"dt_s = {dt!r}: .* 0 or more; .* clock"):
+                call(poses[5] if call == controller.step else poses[5:], dt)  # type: ignore[arg-type]
+    assert controller.state.tobytes() == saved.tobytes()
     first = [controller.step(pose, 0.01)[0].tobytes() for pose in poses[5:]]
     controller.state = saved
     assert [controller.step(pose, 0.01)[0].tobytes() for pose in poses[5:]] == first
@@ -331,6 +336,27 @@ def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model)
     after, tangent = controller.step(poses[9], 1e9)
     np.testing.assert_allclose(after, settled, rtol=1e-9)
     np.testing.assert_allclose(tangent, stiffness, rtol=1e-6, atol=1e-3)
+
+
+def test_a_controller_and_its_adapter_are_copied_with_their_state(plain: Model) -> None:
+    """A loop in another process, or one that is tried on a copy first."""
+    poses = poses_like_measured(plain, 6)
+    controller = with_effects(plain, ONE_BY_ONE[2]).controller()
+    fresh = pickle.loads(pickle.dumps(controller))
+    assert [fresh.init(poses[0]), controller.init(poses[0])] == [True, True]
+    adapter = controller.adapt()
+    for pose in poses[:3]:
+        controller.step(pose, 0.01)
+        adapter.observe(pose, plain.predict(pose), 0.06)
+    for made in (copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))):
+        other, follower = made(controller), made(adapter)
+        saved, values = controller.state.tobytes(), adapter.state.tobytes()
+        assert (other.state.tobytes(), follower.state.tobytes()) == (saved, values)
+        other.step(poses[3], 0.01)
+        follower.observe(poses[3], 2.0 * plain.predict(poses[3]), 0.06)
+        assert (controller.state.tobytes(), adapter.state.tobytes()) == (saved, values)
+        assert follower.state.tobytes() != values
+        assert follower.sd.keys() == adapter.sd.keys()
 
 
 def test_a_pose_or_state_that_is_none_is_refused_with_its_shape_or_place(plain: Model) -> None:
@@ -342,7 +368,11 @@ def test_a_pose_or_state_that_is_none_is_refused_with_its_shape_or_place(plain: 
         for call in (controller.init, controller.settled, lambda p: controller.step(p, 0.01)):
             with pytest.raises(InputError, match="one pose a step"):
                 call(wrong)
+    for nothing in ("rest", {"x_m": 0.1}):
+        with pytest.raises(InputError, match=r"pose = .*: expected \(6,\) numbers"):
+            controller.init(nothing)  # type: ignore[arg-type]
     controller.init(rest[0])
+    assert np.isnan(controller.step(np.ma.array(rest[0], mask=rest[0] > 0.0), 0.01)[0]).all()
     with pytest.raises(InputError, match=r"expected \(N, 6\)"):
         controller.predict_ahead(rest[0], 0.01)
     saved = controller.state
@@ -374,7 +404,6 @@ def test_planned_poses_are_predicted_as_they_will_be_stepped(plain: Model) -> No
     assert np.isfinite(tangents[:3]).all()
     assert np.isnan(wrenches[3:]).all()
     assert np.isnan(tangents[3:]).all()
-    assert np.isnan(controller.predict_ahead(poses, -1.0)[0]).all()
 
 
 def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_the_c(

@@ -24,7 +24,7 @@ from ecm.bench.settings import ALL, Bench
 from ecm.bench.until import NAMED, Goal, Until, certify
 from ecm.designs.next_pose import UNITS
 from ecm.errors import ComputationError, InputError, Remedy
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, path_of
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
 from ecm.io.events import told_beside
@@ -242,7 +242,7 @@ def measure(  # noqa: PLR0913 - each is a choice of its own
     ecm.errors.InputError: data.txt: tables are written as CSV; give a name that ends in .csv
     """
     check_arguments(measure, locals())
-    out = Path(out)
+    out = path_of(out)
     keep_data(out, overwrite=overwrite, resume=resume)
     engine_of = require("bluesky.run_engine", "measure", "ecm measure").RunEngine
     run, lines = envelope(plan, bench)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ecm.bench.devices import NEEDED, PARTS, Device, closed, opened, require_part
 from ecm.errors import EcmError, InputError
+from ecm.io.arguments import path_of
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Scene
@@ -192,7 +193,7 @@ class Bench:
     @staticmethod
     def read(path: str | Path) -> Bench:
         """Read the file of a rig."""
-        return Bench.from_dict(read_toml(Path(path), "file of a rig"), str(path))
+        return Bench.from_dict(read_toml(path_of(path), "file of a rig"), str(path))
 
     def key(self) -> str:
         """Hash of what readings mean; the addresses of devices may change between two days."""

@@ -77,17 +77,17 @@ class _OfActuator(LinearEffect):
         if not names:
             return np.zeros((len(rows), len(rows.base.outputs), 1))
         change = self.change(rows, rows.table.matrix(names))
-        change = change * [name in self._concerned(names) for name in names]
+        change = change * [name in self.concerned(names) for name in names]
         return np.asarray(rows.actuation_jacobian @ np.nan_to_num(change)[:, :, None])
 
-    def _concerned(self, names: Sequence[str]) -> list[str]:
+    def concerned(self, names: Sequence[str]) -> list[str]:
         """The actuators among these whose input it changes."""
         own = [name for name in names if name.startswith(self.acts_on)]
         return own if self.actuator == ALL else [self.actuator]
 
     def _each(self, table: Table) -> tuple[str, ...]:
         """All actuators of its kind alike, then each where there are several; or its own alone."""
-        own = self._concerned(table.actuation_columns)
+        own = self.concerned(table.actuation_columns)
         return (self.actuator, *(own if self.actuator == ALL and len(own) > 1 else ()))
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
@@ -201,7 +201,7 @@ class PressureHysteresis(_OfActuator):
         return self.nearby("reach_Pa", 1.8 ** (0.5 ** (round_ + 1)), longest)
 
     def _largest(self, table: Table) -> float:
-        own = self._concerned(table.actuation_columns)
+        own = self.concerned(table.actuation_columns)
         return float(np.nan_to_num(table.matrix(own)).max(initial=0.0)) if own else 0.0
 
 

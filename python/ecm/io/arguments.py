@@ -7,6 +7,7 @@ any work begins. What an annotation leaves open (`Any`, a table of any kind) is 
 from __future__ import annotations
 
 import numbers
+import os
 import types
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
@@ -81,6 +82,17 @@ def hints_of(annotated: Any) -> dict[str, Any]:
         except NameError as error:
             unknown[str(error.name)] = Any
     return _hints[annotated]
+
+
+def path_of(given: str | Path) -> Path:
+    """Return the path that was given, with the home folder for `~`: no shell has put it in.
+
+    Examples
+    --------
+    >>> path_of("~/neck.json") == Path.home() / "neck.json"
+    True
+    """
+    return Path(os.path.expanduser(given))
 
 
 def listed(given: Any) -> list[Any]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError, Remedy
+from ecm.io.arguments import path_of
 from ecm.io.arrays import I
 from ecm.io.columns import is_standard, likely_name
 from ecm.io.csv import RawTable
@@ -524,7 +525,7 @@ def as_meta(meta: Meta | Mapping[str, Any] | str | Path | None) -> Meta:
     if meta is None or isinstance(meta, Meta):
         return meta or Meta()
     if isinstance(meta, (str, Path)):
-        return read_meta(Path(meta))
+        return read_meta(path_of(meta))
     if not isinstance(meta, Mapping):
         raise InputError(
             f"meta = {meta!r}: expected a dict of what the TOML beside a table holds, such as "

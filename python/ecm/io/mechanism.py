@@ -13,6 +13,7 @@ import numpy as np
 
 from ecm._native import Fem, FemError, Mesh, material_models, material_moduli, material_stress
 from ecm.errors import InputError
+from ecm.io.arguments import path_of
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of
 from ecm.io.events import Printed
@@ -337,7 +338,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         if isinstance(law, Mapping):
             law = Material.from_dict(law)
         if isinstance(path, str):
-            path = Path(path)
+            path = path_of(path)
         values: dict[str, Any] = {"material": law, "mesh_file": path}
         if isinstance(law, Material):
             values |= {name: getattr(law, name) for name in ("young_modulus_Pa", "poisson_ratio")}

@@ -108,7 +108,7 @@ def _likely_file(path: Path) -> str:
     if not path.parent.is_dir():
         return f"The directory {path.parent} does not exist either: check the path."
     try:
-        names = [entry.name for entry in path.parent.iterdir()]
+        names = [entry.name for entry in path.parent.iterdir() if entry.exists()]
     except OSError:
         names = []
     likely = closest(path.name, names, similarity=0.6)

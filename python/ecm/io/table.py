@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ecm.errors import InputError
-from ecm.io.arguments import check_arguments, is_array, listed
+from ecm.io.arguments import check_arguments, is_array, listed, path_of
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, actuation_columns, close_name, is_standard
@@ -348,7 +348,7 @@ class Table(Printed):
         Each file appears complete or not at all. InputError for .parquet, and where a NAME.toml of
         another table, or that describes no table, exists.
         """
-        target = Path(path)
+        target = path_of(path)
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         check_description(target)
@@ -423,7 +423,7 @@ def read_table(
     array([30.5, 61. ])
     """
     check_arguments(read_table, locals())
-    files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    files = [path_of(path) for path in ([paths] if isinstance(paths, (str, Path)) else paths)]
     if not files:
         raise InputError("no measurement table was given, expected at least one file")
     given = None if meta is None else as_meta(meta)
@@ -539,7 +539,7 @@ def takes_table(
             data, meta = given.arguments[name], given.arguments.get("meta")
             array = or_array and not hasattr(data, "columns") and is_array(data)
             given.arguments[name] = (
-                np.asarray(data) if array else as_table(data, meta=meta, need=need)
+                np.asanyarray(data) if array else as_table(data, meta=meta, need=need)
             )
             return function(*given.args, **given.kwargs)
 

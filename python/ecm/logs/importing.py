@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import EcmError, InputError, Remedy, shortened
-from ecm.io.arguments import check_arguments, listed
+from ecm.io.arguments import check_arguments, listed, path_of
 from ecm.io.arrays import evenly
 from ecm.io.cache import file_sha256, write_atomically
 from ecm.io.columns import POSE, WRENCH
@@ -132,7 +132,7 @@ class ImportedLog(Printed):
 
         `progress` is told the rows that are written, of all.
         """
-        target = Path(path)
+        target = path_of(path)
         if target.resolve() == Path(self.source).resolve():
             raise InputError(f"{target} is the log itself; give the table another name")
         if target.suffix != ".csv":
@@ -420,7 +420,7 @@ def read_log(log: Any, topics: Sequence[str], progress: Progress | None = None) 
 def _read(log: Any, topics: Sequence[str], progress: Progress | None) -> ReadLog:
     if not isinstance(log, (str, Path)):
         return ReadLog(log_of_object(log), type(log).__name__, "")
-    path = Path(log)
+    path = path_of(log)
     if not path.exists():
         raise InputError(f"{path}: this log does not exist. Check the path.")
     refuse_pipe(path, "log")

@@ -146,9 +146,9 @@ class LoopSettings(Checked):
     0.003
     """
 
-    mass_kg: float | None = setting(None, above=0.0, high=1e6)
+    mass_kg: float | None = setting(None, low=1e-9, high=1e6)
     """Mass of the platform and what it carries; default: by the mechanism's own frequency."""
-    inertia_kg_m2: float | None = setting(None, above=0.0, high=1e6)
+    inertia_kg_m2: float | None = setting(None, low=1e-12, high=1e6)
     """Inertia about any axis through the origin of the top frame; default: as the mass."""
     delay_s: float = setting(0.003, low=0.0)
     """Longest time between the reading of a pose and the moment from which its wrench acts."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm._native import Stepper, seal_model
-from ecm.errors import InputError
+from ecm.errors import InputError, shown
+from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.models.time_effects import Input, TimeEffects
@@ -98,9 +100,14 @@ class AdaptSettings:
     """Standard deviation of its change in an hour."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "groups", tuple(listed(self.groups)))
         for group in self.groups:
             if group not in GROUPS:
                 raise InputError(f"adapt: {group!r}, expected some of {', '.join(GROUPS)}")
+        for own in fields(self):
+            value, least = getattr(self, own.name), 1.0 if own.name == "model_rim" else 0.0
+            if isinstance(own.default, float) and not least <= value < np.inf:
+                raise InputError(f"adapt: {own.name} = {value}: expected {least:g} or more")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -187,7 +194,26 @@ class WeakDirection:
         return f"{' with '.join(parts)}: {100 * self.share:.0f} % of what was open at the start"
 
 
-class Adapter:
+class _Kept:
+    """Copies and pickles compiled steps by the plain numbers of their state."""
+
+    _code: Any
+
+    def _compiled(self) -> Any:
+        """The compiled code, at its start."""
+        raise NotImplementedError
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_code": self._code.state}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__dict__.update(kept)
+        self._code = self._compiled()
+        if kept["_code"] is not None:
+            self._code.state = kept["_code"]
+
+
+class Adapter(_Kept):
     """A fitted model whose parameters follow measured wrenches; `Controller.adapt` makes one.
 
     A filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's zero,
@@ -208,18 +234,26 @@ class Adapter:
     ('adapted', 0.9)
     """
 
+    _code: _native.Adapter
+
     def __init__(self, document: str, effects: TimeEffects, settings: AdaptSettings) -> None:
-        own = json.dumps(settings.document(effects, json.loads(document).get("domain", {})))
-        self._native = _native.Adapter(seal_model(document), json.dumps(effects.document), own)
+        self._document, self._effects = document, effects
         self._reference = float(effects.document.get("reference_degc", 0.0))
         self._chosen = [NAMES.index(name) for name in settings.names]
-        self._largest = np.sqrt(np.diag(self._native.covariance))
         self.settings = settings
         """Parameters, noise, and what is known beforehand."""
+        self._code = self._compiled()
+        self._largest = np.sqrt(np.diag(self._code.covariance))
         self.wrench: F = np.full(6, np.nan)
         """(6,) wrench that the robot feels at the last reading, without the sensor's zero."""
         self.stiffness: F = np.full((6, 6), np.nan)
         """(6, 6) its derivative to the pose, without the turning of the payload."""
+
+    def _compiled(self) -> _native.Adapter:
+        domain = json.loads(self._document).get("domain", {})
+        own = json.dumps(self.settings.document(self._effects, domain))
+        effects = json.dumps(self._effects.document)
+        return _native.Adapter(seal_model(self._document), effects, own)
 
     def observe(
         self,
@@ -244,9 +278,9 @@ class Adapter:
             As for `Controller.step`.
         """
         temperature = self._reference if temperature_degC is None else temperature_degC
-        outcome, self.wrench, self.stiffness = self._native.observe(
-            np.asarray(pose, dtype=np.float64),
-            np.asarray(wrench, dtype=np.float64),
+        outcome, self.wrench, self.stiffness = self._code.observe(
+            _six("pose", pose),
+            _six("wrench", wrench),
             dt_s,
             temperature,
             age_s,
@@ -265,7 +299,7 @@ class Adapter:
             their standard deviations after each `every`-th (M, p each); outcomes (N,), places in
             `OUTCOMES`.
         """
-        expected, values, spreads, outcomes = self._native.follow(
+        expected, values, spreads, outcomes = self._code.follow(
             np.ascontiguousarray(poses, dtype=np.float64),
             np.ascontiguousarray(wrenches, dtype=np.float64),
             np.ascontiguousarray(dts_s, dtype=np.float64),
@@ -276,13 +310,13 @@ class Adapter:
     @property
     def values(self) -> dict[str, float]:
         """The parameters by name, in the unit of `UNITS`."""
-        values = self._native.values
+        values = self._code.values
         return {NAMES[i]: float(values[i]) for i in self._chosen}
 
     @property
     def covariance(self) -> F:
         """(p, p) of the parameters, in the order of `values`."""
-        return self._native.covariance[np.ix_(self._chosen, self._chosen)]
+        return self._code.covariance[np.ix_(self._chosen, self._chosen)]
 
     @property
     def sd(self) -> dict[str, float]:
@@ -293,7 +327,7 @@ class Adapter:
     @property
     def held(self) -> tuple[str, ...]:
         """Modulus and shares that the last motion does not tell: they keep their value."""
-        held = self._native.held
+        held = self._code.held
         return tuple(NAMES[i] for i in self._chosen if held[i])
 
     @property
@@ -303,7 +337,7 @@ class Adapter:
         None where the mass is not three standard deviations from 0.
         """
         at = slice(1, 5)
-        values, spread = self._native.values[at], self._native.covariance[at, at]
+        values, spread = self._code.values[at], self._code.covariance[at, at]
         mass = values[0]
         if not mass * mass > 9.0 * spread[0, 0]:
             return None
@@ -319,7 +353,7 @@ class Adapter:
         """
         open_ = [i for i in self._chosen if self._largest[i] > 0.0]
         scale = self._largest[open_]
-        relative = self._native.covariance[np.ix_(open_, open_)] / np.outer(scale, scale)
+        relative = self._code.covariance[np.ix_(open_, open_)] / np.outer(scale, scale)
         sizes, directions = np.linalg.eigh(relative)
         found = []
         for size, direction in sorted(zip(sizes, directions.T, strict=True), key=lambda d: -d[0]):
@@ -336,30 +370,30 @@ class Adapter:
 
     def resume(self) -> None:
         """Go on after `diagnose`, with the values as they are and the covariance of the start."""
-        self._native.resume()
+        self._code.resume()
 
     def reset(self) -> None:
         """Go back to the start; the mechanism counts as rested at the next reading."""
-        self._native.reset()
+        self._code.reset()
 
     @property
     def state(self) -> F:
         """Plain numbers of the whole state; set them to go on from there, to the bit."""
-        return self._native.state
+        return self._code.state
 
     @state.setter
     def state(self, numbers: F) -> None:
-        self._native.state = np.ascontiguousarray(numbers, dtype=np.float64)
+        self._code.state = np.ascontiguousarray(numbers, dtype=np.float64)
 
 
-class Controller:
+class Controller(_Kept):
     """Wrench and tangent along a path: the static model with its effects of time.
 
     `Model.controller` makes one. `init` sets the state after an infinite rest; each `step` is told
     the measured pose and the time since the step before, over which the way counts as straight and
-    even. A step is refused where the pose or an input is not finite, the rotation exceeds half a
-    turn, or dt is negative: its results are NaN and the state stays, so that the next dt counts
-    from the last step that was not refused.
+    even. A step is refused where the pose or an input is not finite, or the rotation exceeds half a
+    turn: its results are NaN and the state stays, so that the next dt counts from the last step
+    that was not refused. A dt that is negative or no number is an InputError.
 
     Parameters
     ----------
@@ -383,16 +417,21 @@ class Controller:
     True
     """
 
+    _code: Stepper
+
     def __init__(self, document: str, effects: TimeEffects) -> None:
-        self._native = Stepper(seal_model(document), json.dumps(effects.document))
         self._document = document
         self._reference = float(effects.document.get("reference_degc", 0.0))
         self.effects = effects
         """What acts, what is left out, and why."""
+        self._code = self._compiled()
+
+    def _compiled(self) -> Stepper:
+        return Stepper(seal_model(self._document), json.dumps(self.effects.document))
 
     def init(self, pose: F) -> bool:
         """Set the state after an infinite rest at a pose (6,); False where it has no wrench."""
-        return self._native.init(_pose(pose))
+        return self._code.init(_six("pose", pose))
 
     def step(
         self, pose: F, dt_s: float, *, temperature_degC: float | None = None, age_s: float = 0.0
@@ -410,7 +449,8 @@ class Controller:
         age_s
             Time since the campaign in which ageing was found began.
         """
-        found = self._native.step(_pose(pose), dt_s, self._temperature(temperature_degC), age_s)
+        told = self._temperature(temperature_degC), age_s
+        found = self._code.step(_six("pose", pose), _seconds(dt_s), *told)
         return _nothing() if found is None else found
 
     def predict_ahead(
@@ -433,7 +473,7 @@ class Controller:
         if path.ndim != 2 or path.shape[1] != 6:
             raise InputError(f"poses of shape {path.shape}: expected (N, 6)")
         told = self._temperature(temperature_degC), age_s
-        taken = self._native.predict_ahead(path, dt_s, *told)
+        taken = self._code.predict_ahead(path, _seconds(dt_s), *told)
         whole = np.full((len(path), 6), np.nan), np.full((len(path), 6, 6), np.nan)
         for all_rows, rows in zip(whole, taken, strict=True):
             all_rows[: len(rows)] = rows
@@ -449,13 +489,13 @@ class Controller:
 
         Outside them the effects go on as straight lines; the step stays finite.
         """
-        return self._native.inputs_inside(self._temperature(temperature_degC), age_s)
+        return self._code.inputs_inside(self._temperature(temperature_degC), age_s)
 
     def settled(
         self, pose: F, *, temperature_degC: float | None = None, age_s: float = 0.0
     ) -> tuple[F, F]:
         """Wrench (6,) and stiffness (6, 6) after a long rest, without friction and set."""
-        found = self._native.settled(_pose(pose), self._temperature(temperature_degC), age_s)
+        found = self._code.settled(_six("pose", pose), self._temperature(temperature_degC), age_s)
         return _nothing() if found is None else found
 
     def adapt(self, settings: AdaptSettings | None = None) -> Adapter:
@@ -472,7 +512,7 @@ class Controller:
 
         Numbers that are not finite are refused.
         """
-        state = self._native.state
+        state = self._code.state
         if state is None:
             raise InputError("no state yet: call init(pose) first")
         return state
@@ -482,17 +522,30 @@ class Controller:
         found = np.ascontiguousarray(numbers, dtype=np.float64)
         if found.ndim != 1:
             raise InputError(f"state of shape {found.shape}: expected (49,), as it was stored")
-        self._native.state = found
+        self._code.state = found
 
     def _temperature(self, given: float | None) -> float:
         return self._reference if given is None else given
 
 
-def _pose(pose: F) -> F:
-    found = np.asarray(pose, dtype=np.float64)
+def _six(name: str, given: Any) -> F:
+    """(6,) numbers of a reading; what a mask hides is none."""
+    try:
+        found = np.asarray(np.ma.filled(given, np.nan), dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {shown(given)}: expected (6,) numbers") from None
     if found.shape != (6,):
-        raise InputError(f"pose of shape {found.shape}: expected (6,), one pose a step")
+        raise InputError(f"{name} of shape {found.shape}: expected (6,), one {name} a step")
     return found
+
+
+def _seconds(dt_s: Any) -> float:
+    if not (isinstance(dt_s, Real) and 0.0 <= float(dt_s) < np.inf):
+        raise InputError(
+            f"dt_s = {dt_s!r}: expected the seconds since the step before, 0 or more; take them "
+            "from a clock that never goes back"
+        )
+    return float(dt_s)
 
 
 def _nothing() -> tuple[F, F]:

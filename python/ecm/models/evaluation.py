@@ -34,7 +34,7 @@ from ecm.models.maps import (
 )
 from ecm.models.partial import MeasuredMap, measured_part
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows, actuators_of, columns_of, inputs_of, is_whole
+from ecm.regression.rows import Rows, actuators_of, columns_of, inputs_of, is_whole, taken_by
 
 ModelT = TypeVar("ModelT", bound="EvaluatedModel")
 
@@ -169,7 +169,8 @@ class EvaluatedModel:
             For a model without actuators, and for shapes that do not fit it.
         """
         names = self.actuated.actuators
-        at, a = (np.asarray(values, dtype=np.float64) for values in (poses, actuation))
+        given = (np.ma.filled(values, np.nan) for values in (poses, actuation))
+        at, a = (np.asarray(values, dtype=np.float64) for values in given)
         if at.shape[-1:] != (6,) or a.shape[-1:] != (len(names),):
             raise InputError(
                 f"poses of shape {at.shape} and actuation of shape {a.shape}: expected (N, 6) and "
@@ -177,7 +178,7 @@ class EvaluatedModel:
             )
         rows = np.broadcast_shapes(at.shape[:-1], a.shape[:-1])
         both = [np.broadcast_to(values, (*rows, values.shape[-1])) for values in (at, a)]
-        return np.concatenate(both, axis=-1)
+        return _finite(np.concatenate(both, axis=-1), (*POSE, *names))
 
     @property
     def actuated(self) -> ActuatedMap:
@@ -199,7 +200,8 @@ class EvaluatedModel:
         """The model at constant inputs (m,), Pa: one of the pose alone, which can be exported."""
         poses = [row[:6] for row in self.training.get("poses", ())]
         training = {**self.training, "poses": poses}
-        return replace(self, base=self.actuated.at(actuation), covariance=None, training=training)
+        own = self.with_actuation(np.zeros(6), actuation)[6:]
+        return replace(self, base=self.actuated.at(own), covariance=None, training=training)
 
     def actuation_jacobian(self, poses: F, actuation: F) -> F:
         """(N, 6, m), or (6, m) of one pose: G = dh/da at fixed pose, m^2 and m^3."""
@@ -454,7 +456,7 @@ def rows_of_poses(poses: TableLike | F, base: StiffnessMap) -> F:
         return inputs_of(base, as_table(poses, need="predict"))
     inputs, actuators = base.inputs, actuators_of(base)
     try:
-        rows = np.ascontiguousarray(poses, dtype=np.float64)
+        rows = np.ascontiguousarray(np.ma.filled(poses, np.nan), dtype=np.float64)
     except (TypeError, ValueError):
         rows = np.zeros((0, 0, 0))
     n = len(inputs)
@@ -466,6 +468,18 @@ def rows_of_poses(poses: TableLike | F, base: StiffnessMap) -> F:
         found = f"of shape {shape}" if isinstance(shape, tuple) else f"as a {type(poses).__name__}"
         raise InputError(
             f"poses {found}: expected (N, {n}), or ({n},) for one pose, of {', '.join(inputs)}"
+        )
+    return _finite(rows, taken_by(base))
+
+
+def _finite(rows: F, names: Sequence[str]) -> F:
+    """Rows (N, k) or (k,) as they are; InputError for the first number that is none."""
+    if not np.isfinite(rows).all():
+        row, place = np.argwhere(~np.isfinite(np.atleast_2d(rows)))[0]
+        found = np.atleast_2d(rows)[row, place]
+        raise InputError(
+            f"poses: row {row}, column {names[place]} is {found}: expected a finite number; leave "
+            "the row out"
         )
     return rows
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ecm.effects import Effect, effects_for, get_effect
 from ecm.effects.protocol import missing_beside_columns
-from ecm.errors import EcmError, InputError
+from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, behind
@@ -45,7 +45,7 @@ from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import HOW, RowsUsed, spread_rows, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
-from ecm.regression.rows import is_whole, taken_by
+from ecm.regression.rows import actuators_of, is_whole, taken_by
 from ecm.report import figures
 from ecm.report.blocks import (
     Block,
@@ -198,7 +198,7 @@ class Model(Shown, EvaluatedModel):
         Raises
         ------
         InputError
-            A model of fewer than the six pose and wrench columns.
+            A model of fewer than the six pose and wrench columns, or with actuators.
 
         Examples
         --------
@@ -216,9 +216,13 @@ class Model(Shown, EvaluatedModel):
         >>> bool(np.allclose(wrench, wrenches[1])), tangent.shape
         (True, (6, 6))
         """
-        if not is_whole(self.base):
+        if not is_whole(self.base) or actuators_of(self.base):
             raise InputError(
-                f"{self.name}: a controller needs a model of all six pose and wrench columns"
+                f"{self.name}: a controller in Python needs a model of all six pose and wrench "
+                "columns, without the inputs of actuators",
+                remedy=Remedy(
+                    "export it to c, which takes all", "ecm export MODEL --to c --out OUT"
+                ),
             )
         bare = replace(self, effects=(), history=(), correlations=())
         if self.acting_at_poses:

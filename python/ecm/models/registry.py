@@ -16,6 +16,7 @@ import numpy as np
 from ecm._native import ModelError, open_model, seal_model
 from ecm.effects import with_shape
 from ecm.errors import InputError
+from ecm.io.arguments import path_of
 from ecm.io.arrays import F
 from ecm.io.cache import hash_of, write_atomically
 from ecm.io.settings import read_text
@@ -241,12 +242,12 @@ def covariance_of(document: dict[str, Any]) -> F | None:
 
 def write_document(document: dict[str, Any], path: str | Path) -> None:
     """Write a model file with its checksum, complete or not at all."""
-    write_atomically(Path(path), seal_model(json.dumps(document)))
+    write_atomically(path_of(path), seal_model(json.dumps(document)))
 
 
 def read_document(path: str | Path) -> dict[str, Any]:
     """The document of a model file; InputError where checksum, version or a range is wrong."""
-    text = read_text(Path(path), "model file of `ecm fit`")
+    text = read_text(path_of(path), "model file of `ecm fit`")
     try:
         return open_model(text)
     except ModelError as error:

@@ -31,6 +31,8 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
+from ecm.models.input_steps import InputSteps
+from ecm.models.joint_fit import FittedEffect
 from ecm.models.measured_poses import (
     largest_coordinates,
     measured_poses,
@@ -116,6 +118,8 @@ class TimeEffects:
     """Share by which a sudden move meets more stiffness than a slow one."""
     lost: dict[str, str] = field(default_factory=dict)
     """Size, in words, of each effect of physics that is left out and not small."""
+    of_inputs: InputSteps | None = None
+    """What acts in place of the recorded inputs, where the files can step through it."""
 
     @property
     def inputs(self) -> dict[str, Input]:
@@ -138,6 +142,11 @@ class TimeEffects:
                 f"Steps with a state: {', '.join(self.acting)}; functions init, step, settled "
                 "and predict_ahead, docs/control.md."
             )
+        if self.of_inputs and self.of_inputs.acting:
+            ids = ", ".join(self.of_inputs.acting)
+            said.append(
+                f"Steps of the recorded inputs to those that act: {ids}; docs/actuation.md."
+            )
         if self.inputs:
             listed = ", ".join(item.sentence(name) for name, item in self.inputs.items())
             said.append(f"Inputs of the steps: {listed}.")
@@ -159,7 +168,7 @@ class TimeEffects:
         )
 
 
-def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
+def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = False) -> TimeEffects:
     """Effects of time of a model for its stepper.
 
     Parameters
@@ -168,6 +177,8 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
         A fitted model; its effects of the pose are no matter of this function.
     to
         Language of the files: `c` steps along a single coordinate as well, `none` has no state.
+    recorded
+        Whether the files take the recorded inputs of actuators, and step to those that act.
 
     Examples
     --------
@@ -179,35 +190,43 @@ def time_effects(model: EvaluatedModel, to: str = "rust") -> TimeEffects:
     []
     """
     found = TimeEffects({"length_m": model.known_length_m or 1.0})
-    line = to == "c" and len(model.base.inputs) == len(model.base.outputs) == 1
-    kind, kinds = model.base.document().get("kind"), ("polynomial",) if line else _ENERGIES
+    found.of_inputs = InputSteps(model.base) if recorded else None
     for item in model.effects:
-        effect = item.effect
-        if effect.side == "measurement":
-            found.left_out[item.id] = _OF_THE_RIG.get(
-                item.id, "an error of the instruments: the robot does not have it"
-            )
-        elif effect.kind == "pose":
+        if item.effect.side == "physics" and item.effect.kind == "pose":
             continue
-        elif item.id in OF_INPUTS or actuators_of(model.base):
-            found.left_out[item.id] = OF_INPUTS.get(item.id, "files with actuators have no state")
-        elif to == "none":
-            found.left_out[item.id] = "these files have no state and no temperature"
-        elif kind not in kinds or (line and item.id not in _ALONG_A_LINE):
-            found.left_out[item.id] = _without_steps(model, item.id, to)
-        else:
-            why = _add(found, model, effect, item.values)
-            if why:
-                found.left_out[item.id] = why
-            else:
-                found.acting.append(item.id)
+        if why := _placed(found, model, item, to):
+            found.left_out[item.id] = why
     for item in model.effects:
         counts = item.effect.side == "physics" and item.id not in _ONLY_IN_MOTION
         if counts and item.id in found.left_out and (size := _size_of(model, item.id)):
             found.lost[item.id] = size
     if found.acting:
-        found.document["limits"] = _limits(model, line)
+        found.document["limits"] = _limits(model, _is_line(model, to))
     return found
+
+
+def _placed(found: TimeEffects, model: EvaluatedModel, item: FittedEffect, to: str) -> str:
+    """Add an effect to the steps, or say why it has none."""
+    line = _is_line(model, to)
+    kind, kinds = model.base.document().get("kind"), ("polynomial",) if line else _ENERGIES
+    if item.effect.side == "measurement":
+        return _OF_THE_RIG.get(item.id, "an error of the instruments: the robot does not have it")
+    if item.id in OF_INPUTS and found.of_inputs:
+        return found.of_inputs.add(item.effect, item.values)
+    if item.id in OF_INPUTS or actuators_of(model.base):
+        return OF_INPUTS.get(item.id, "files with actuators have no state")
+    if to == "none":
+        return "these files have no state and no temperature"
+    if kind not in kinds or (line and item.id not in _ALONG_A_LINE):
+        return _without_steps(model, item.id, to)
+    why = _add(found, model, item.effect, item.values)
+    found.acting += [] if why else [item.id]
+    return why
+
+
+def _is_line(model: EvaluatedModel, to: str) -> bool:
+    """Whether the files step along a single coordinate."""
+    return to == "c" and len(model.base.inputs) == len(model.base.outputs) == 1
 
 
 def _without_steps(model: EvaluatedModel, id: str, to: str) -> str:

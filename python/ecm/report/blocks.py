@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from ecm.errors import MissingExtra
+from ecm.io.arguments import path_of
 from ecm.io.cache import write_atomically
 from ecm.io.events import Printed
 from ecm.io.extras import require
@@ -380,7 +381,7 @@ class Report(Printed):
 
     def write(self, path: str | Path) -> None:
         """Write one HTML file that loads nothing from outside; MissingExtra without `report`."""
-        path = Path(path)
+        path = path_of(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, self.page().encode("utf-8"))
 

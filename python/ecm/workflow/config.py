@@ -21,6 +21,7 @@ from typing import Any, Protocol
 from ecm._native import __version__
 from ecm.errors import InputError
 from ecm.fem.simulate import Workspace
+from ecm.io.arguments import path_of
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, file_sha256, hash_of, write_atomically
 from ecm.io.mechanism import Mechanism
@@ -187,19 +188,19 @@ def config_from_dict(
 
 def read_config(path: str | Path) -> Config:
     """Read a CONFIG file."""
-    file = Path(path)
+    file = path_of(path)
     return config_from_dict(read_toml(file, "configuration"), str(file), base=file.parent)
 
 
 def read_rig(path: str | Path) -> RigSettings:
     """Read a RIG.toml: the tables [rig] [instrument] [plant] [hidden] of a CONFIG."""
-    file = Path(path)
+    file = path_of(path)
     return RigSettings.from_dict(read_toml(file, "rig file"), str(file))
 
 
 def with_rig(config: Config, path: str | Path) -> Config:
     """Return the job on the rig of another file; [hidden] stays where that file has none."""
-    file = Path(path)
+    file = path_of(path)
     document = read_toml(file, "rig file")
     rig = RigSettings.from_dict(document, str(file))
     if "hidden" not in document:

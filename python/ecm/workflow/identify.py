@@ -28,7 +28,7 @@ from ecm.designs import (
 from ecm.diagnosis import diagnose
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, path_of
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.columns import POSE
@@ -120,7 +120,7 @@ def identify(
     check_arguments(identify, locals())
     if not isinstance(config, Config):
         config = read_config(config)
-    job = Job(config, Path(out), seed, threads, console or Silent())
+    job = Job(config, path_of(out), seed, threads, console or Silent())
     _check(job)
     job.summary |= {
         "format": "ecm-identify",

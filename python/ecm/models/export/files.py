@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ecm.errors import InputError, Remedy
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, path_of
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE
@@ -34,7 +34,7 @@ from ecm.regression.rows import actuators_of, is_whole, taken_by
 
 
 def c(source: Source) -> Exported:
-    """C99: header, source, golden vectors, and a loop."""
+    """C99: header, source, golden vectors, and a loop; steps of recorded inputs."""
     name = source.name
     step = f"cc -O2 @OUT@/{name}.c @OUT@/{name}_check.c -o check && ./check"
     if source.adapt is not None:
@@ -158,10 +158,12 @@ def simulink(source: Source) -> Exported:
 
 _LOOP = tuple(one.name for one in fields(LoopSettings))
 TARGETS: dict[str, Target] = {
-    "c": Target(c, precisions=("double", "single"), robot=_LOOP),
-    "rust": Target(rust, language="rust", precisions=("double", "single"), robot=_LOOP),
+    "c": Target(c, precisions=("double", "single"), recorded=True, robot=_LOOP),
+    "rust": Target(
+        rust, language="rust", precisions=("double", "single"), recorded=True, robot=_LOOP
+    ),
     "mujoco": Target(mujoco, taken=("mj",), robot=_LOOP[:2]),
-    "fmu": Target(fmu, taken=("instance", "fmi2", "fmi3")),
+    "fmu": Target(fmu, recorded=True, taken=("instance", "fmi2", "fmi3")),
     "opensim": Target(opensim, language="none", robot=_LOOP[:2]),
     "simulink": Target(simulink, taken=("mex", "simstruc", "simulink")),
     "drake": Target(drake),
@@ -241,10 +243,10 @@ def export(
     if not force:
         _refuse_what_changed(model, exported, to, name)
     for path in exported.files:
-        _check_crate(Path(directory) / path)
+        _check_crate(path_of(directory) / path)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
-            write_atomically(Path(directory) / path, text)
+            write_atomically(path_of(directory) / path, text)
     return exported
 
 
@@ -291,7 +293,7 @@ def export_files(
             "wrench columns and no actuators; leave it out here"
         )
     _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
-    timed = time_effects(model, chosen.language)
+    timed = time_effects(model, chosen.language, recorded=chosen.recorded)
     lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
@@ -349,9 +351,9 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
 
 
 def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy | None:
-    """C where Rust has no steps, or a base that steps; None where neither keeps the effects."""
-    steps = time_effects(model, "c")
-    if to == "rust" and not steps.lost:
+    """C where the target has no steps, or a base that steps; None where neither keeps them."""
+    steps = time_effects(model, "c", recorded=True)
+    if not steps.lost and (to == "rust" or OF_INPUTS.keys() >= exported.lost.keys()):
         return Remedy(
             "export it to c, which steps (or export all the same with --force)",
             f"ecm export MODEL --to c --out OUT --name {name}",

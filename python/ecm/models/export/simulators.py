@@ -397,7 +397,10 @@ def fmu(source: Source) -> Exported:
     start, outputs = _fmu_inputs(source), source.inside.outputs
     code = source.code()
     token = hashlib.sha256("".join(code[path] for path in sorted(code)).encode()).hexdigest()
+    parts = [path for path in code if not path.endswith(("_check.c", "_golden.h"))]
+    sources = [path for path in parts if path.endswith(".c")]
     values = {
+        "STEPSOFINPUTS": str(len(sources) - 1),
         "TOKEN": token,
         "MARK": f"0x{token[:15]}u",
         "N": str(len(taken_by(source.inside.base))),
@@ -407,20 +410,24 @@ def fmu(source: Source) -> Exported:
     written: dict[str, str | bytes] = {}
     made: set[str] = set()
     for major in _LINES:
-        files = {path: code[path] for path in (f"{source.name}.c", f"{source.name}.h")}
+        files = {path: code[path] for path in parts}
         files["instance.h"] = source.template("fmu/instance.h", values)
         files[f"fmi{major}.c"] = source.template(f"fmu/fmi{major}.c", values)
         archive: dict[str, str | bytes] = {f"sources/{path}": text for path, text in files.items()}
-        compiled = (f"{source.name}.c", f"fmi{major}.c")
+        compiled = (*sources, f"fmi{major}.c")
+        line = '      <SourceFile name="{}"/>' if major == 3 else '      <File name="{}"/>'
+        listed = {"SOURCES": "\n".join(map(line.format, sources))}
         for folder, name, commands in _platforms(major, source.name):
             with suppress(ComputationError):  # the sources go into the archive all the same
                 archive[f"binaries/{folder}/{name}"] = shared_library(files, compiled, commands)
                 made.add("Windows" if name.endswith("dll") else "this machine")
-        described = values | _described(major, start, outputs)
+        described = values | listed | _described(major, start, outputs)
         description = source.template(f"fmu/modelDescription{major}.xml", described)
         archive["modelDescription.xml"] = description
         if major == 3:
-            archive["sources/buildDescription.xml"] = source.template("fmu/buildDescription.xml")
+            archive["sources/buildDescription.xml"] = source.template(
+                "fmu/buildDescription.xml", listed
+            )
         written[f"{source.name}_fmi{major}.fmu"] = _zipped(archive)
     held = (
         f"binaries for {' and '.join(sorted(made))}"

@@ -119,7 +119,7 @@ class Source:
         follows = None
         if self.adapt is not None:
             follows = json.dumps(self.adapt.document(self.timed, self.inside.domain))
-        return export_model(
+        files: dict[str, str] = export_model(
             seal_model(json.dumps(document)),
             self.name,
             target=language,
@@ -127,6 +127,18 @@ class Source:
             effects=steps,
             adapt=follows,
         )
+        return files | self._steps_of_inputs(files, language == "c")
+
+    def _steps_of_inputs(self, files: dict[str, str], c: bool) -> dict[str, str]:
+        """What takes the recorded inputs of actuators beside the code that takes those that act."""
+        of_inputs = self.timed.of_inputs
+        if not (of_inputs and of_inputs.acting):
+            return {}
+        real = {"double": "f64", "single": "f32"}[self.precision]
+        values = of_inputs.constants(c) | {"GUARD": self.name.upper(), "REAL": real}
+        place, ends = (f"{self.name}_steps", ("h", "c")) if c else ("src/steps", ("rs",))
+        made = {f"{place}.{end}": self.template(f"inputs/steps.{end}.txt", values) for end in ends}
+        return made if c else made | {"src/lib.rs": files["src/lib.rs"] + "\npub mod steps;\n"}
 
     @property
     def actuators(self) -> tuple[str, ...]:
@@ -148,7 +160,7 @@ class Source:
             )
         if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
             remedy = Remedy("export it to c", to_c)
-            if lost := time_effects(self.model, "c").lost:  # what c refuses as well
+            if lost := time_effects(self.model, "c", recorded=True).lost:  # what c refuses as well
                 remedy = without(list(lost), ", and export it to c")
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
@@ -233,5 +245,7 @@ class Target:
     """Floating-point types that the files can have."""
     taken: tuple[str, ...] = ()
     """Names of files and functions that the target has itself."""
+    recorded: bool = False
+    """Whether its files step from the recorded inputs of actuators to those that act."""
     robot: tuple[str, ...] = ()
     """Settings of the robot (`LoopSettings`) that its files depend on."""

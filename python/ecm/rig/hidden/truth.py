@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arguments import check_arguments
+from ecm.io.arguments import check_arguments, path_of
 from ecm.io.columns import behind
 from ecm.io.events import Printed
 from ecm.io.settings import did_you_mean
@@ -321,7 +321,7 @@ def _report(answer: str | Path | dict[str, Any]) -> dict[str, Any]:
     if isinstance(answer, dict):
         return answer
     try:
-        document = json.loads(Path(answer).read_text(encoding="utf-8"))
+        document = json.loads(path_of(answer).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{answer}: this answer cannot be read: {error}") from None
     if not isinstance(document, dict):

@@ -23,7 +23,7 @@ from typing import IO, Any
 from urllib.parse import quote
 
 from ecm.errors import EcmError, InputError, Remedy, document_of
-from ecm.io.arguments import check_arguments, listed
+from ecm.io.arguments import check_arguments, listed, path_of
 from ecm.io.description import Meta
 from ecm.io.events import Follower, live_path
 from ecm.io.extras import require
@@ -541,7 +541,10 @@ def serve(
     uvicorn = require("uvicorn", "app", "The server of `ecm app`")
     listening = _listen(port)
     port = listening.getsockname()[1]
-    with listening, closing(App(Path(folder), None if follow is None else Path(follow))) as app:
+    with (
+        listening,
+        closing(App(path_of(folder), None if follow is None else path_of(follow))) as app,
+    ):
         begin(app, given, model=model, demo=demo)
         token = secrets.token_urlsafe(24)
         server = uvicorn.Server(

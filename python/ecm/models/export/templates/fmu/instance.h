@@ -4,7 +4,7 @@
  * effects of time; the outputs its wrench. What is read always belongs to the inputs as they are set.
  * With effects of time a step takes the way from the pose of the step before to the inputs as straight
  * and even; inputs that are changed after a step and read before the next one count as a sudden move,
- * which the next step takes back.
+ * which the next step takes back. Where actuators have a memory the inputs are the recorded ones.
  */
 #include <stddef.h>
 #include <stdint.h>
@@ -14,6 +14,10 @@
 #include "@NAME@.h"
 
 #define HAS_STATE @STEPS@
+#define RECORDED @STEPSOFINPUTS@
+#if RECORDED
+#include "@NAME@_steps.h"
+#endif
 #define TOKEN "@TOKEN@"
 
 #ifdef FUNCTION_PREFIX
@@ -47,7 +51,7 @@ typedef struct {
     double h[OUTPUTS], k[OUTPUTS * POSE];
     int32_t known; /* whether h and k belong to the inputs */
     int32_t begun;
-#if HAS_STATE
+#if HAS_STATE || RECORDED
     @NAME@_state state;
 #endif
 } values_t;
@@ -101,6 +105,18 @@ static int32_t evaluate(values_t *v, double dt, int32_t keep)
         return 0;
     }
     if (!@NAME@_step(&state, v->input, v->begun ? dt : 0, &inputs, v->h, v->k)) {
+        v->known = 0;
+        return 0;
+    }
+    if (keep) {
+        v->state = state;
+    }
+#elif RECORDED
+    @NAME@_state state = v->state;
+    if (!v->begun) {
+        @NAME@_init(&state, v->input);
+    }
+    if (!@NAME@_step(&state, v->input, v->begun ? dt : 0, v->h, v->k, 0)) {
         v->known = 0;
         return 0;
     }
