@@ -163,6 +163,34 @@ def test_what_is_left_falls_while_one_part_lasts(monkeypatch: pytest.MonkeyPatch
     assert steps.line(34.0) == "fitting, measuring, 34 s so far: 10 of 10"
 
 
+def test_a_work_that_slows_down_is_not_said_to_be_over_soon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    steps = console._Progress("FEM")
+    steps.tell(0, 91)
+    now[0] = 9.0
+    steps.tell(90, 91)
+    for now[0] in range(10, 70):  # told again and again where it stands
+        steps.tell(90, 91)
+    assert steps.line(69.0).endswith("69 s so far: 90 of 91, about 12 s left")
+    for k in range(1, 11):  # it creeps
+        now[0] = 69.0 + 10.0 * k
+        steps.tell(90 + 0.01 * k, 91)
+    assert steps.line(169.0).endswith("90 of 91, about 15 min left")
+
+
+def test_a_count_that_is_corrected_keeps_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    steps = console._Progress("FEM")
+    for now[0], done in ((0.0, 0), (10.0, 7), (20.0, 14), (22.0, 11)):
+        steps.tell(done, 60)
+    # Before: nothing is known of a count that begins at 11.
+    assert steps.line(22.0).endswith("11 of 60, about 2 min left")
+
+
 def test_predict_says_the_time_left(
     ecm_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,6 +123,15 @@ def test_extrapolation_is_warned_about() -> None:
 
 
 @needs_data
+def test_a_modulus_that_no_rubber_has_asks_for_the_unit() -> None:
+    stretch = np.linspace(0.8, 1.6, 9)
+    rubber = Material("neo_hookean", {"young_modulus_Pa": 6e5})
+    stress = rubber.nominal_stress("uniaxial", stretch)
+    for factor, asked in ((1e-6, "1e+06 times"), (1e-3, "1000 times"), (1e6, "1e-06 times")):
+        fit = fit_material([MaterialTest("uniaxial", stretch, factor * stress)], "neo_hookean")
+        assert f"0.01 to 100 MPa: is the unit of the stresses {asked}" in fit.warnings[0]
+
+
 def test_treloars_rubber() -> None:
     """Steinmann, Hossain and Possart 2012 find mu about 0.3 to 0.4 MPa for these data."""
     folder = RUBBER / "Treloar_1944"

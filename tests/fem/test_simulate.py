@@ -13,8 +13,9 @@ from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
 from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
 from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
 from support.meshes import block_mesh
-from support.neck import saved
+from support.neck import Command, saved
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
 NECK = {"builtin": "cylinder", "length_m": 0.1034, "radius_m": 0.033}
@@ -188,6 +189,35 @@ def test_wrenches_of_ones_own_are_solved_in_their_order(tmp_path: Path) -> None:
 def test_what_is_no_wrench_is_refused(wrenches: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         solve_wrenches(Mechanism(), wrenches)
+
+
+def test_a_box_that_hardly_moves_the_body_is_warned_about() -> None:
+    pairs = solve_wrenches(Mechanism(length_m=8.0, radius_m=2.0), WRENCH)
+    assert "move the body by at most" in pairs.warnings[0]
+    assert "8000 mm, and E, 6.5e+05 Pa" in pairs.warnings[0]
+    assert not solve_wrenches(Mechanism(), WRENCH).warnings
+
+
+def test_a_modulus_in_kilopascal_is_asked_about(tmp_path: Path, ecm_command: Command) -> None:
+    box = f"wrench_min = {[-0.01] * 6}\nwrench_max = {[0.01] * 6}"
+    shape = 'builtin = "cylinder"\nlength_m = 0.1\nradius_m = 0.03\nyoung_modulus_Pa = 650.0'
+    config = f"[mechanism]\n{shape}\n[workspace]\n{box}\n[simulate]\nn = 2\n"
+    path = saved(tmp_path / "soft.toml", config)
+    done = ecm_command("simulate", path, "--out", tmp_path / "pairs.csv").good()
+    assert "E = 650 Pa, and rubber has 1e4 or more: is it in Pa?" in done.err
+
+
+def test_pairs_in_another_folder_find_their_mesh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    body = Mechanism(mesh_file=saved(Path("block.msh"), block_mesh()), young_modulus_Pa=1e6)
+    Path("out").mkdir()
+    solve_wrenches(body, 0.1 * WRENCH).table().write("out/pairs.csv")
+    assert 'mesh = "../block.msh"' in Path("out/pairs.toml").read_text(encoding="utf-8")
+    found = read_table(Path("out/pairs.csv")).physics_body
+    assert found is not None
+    assert found.mesh().length_m == pytest.approx(0.1)
 
 
 def test_functions_that_draw_point_to_the_one_that_solves_given_wrenches() -> None:

@@ -145,7 +145,7 @@ def test_three_forces_are_turned_without_moments(base: dict[str, F]) -> None:
 @pytest.mark.parametrize(
     ("drop", "frames", "message"),
     [
-        (["z_m"], {"wrench_axes": "tool"}, "needs all six pose columns, and z_m is missing"),
+        (["z_m"], {"wrench_axes": "tool"}, "z_m is missing: .* --map z_m=COLUMN"),
         (["fz_N"], {"wrench_axes": "top"}, "only fx_N, fy_N are there"),
         ([], {"wrench_point": "sensor"}, "base_from_sensor, or .instrument. top_from_sensor"),
         ([], {"base_from_robot": [0, 0, 0, 1, 1, 0, 0]}, "a unit quaternion w x y z"),

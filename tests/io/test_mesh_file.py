@@ -15,6 +15,7 @@ from ecm.errors import InputError, MissingExtra
 from ecm.io.mechanism import Mechanism
 from ecm.io.mesh import read_mesh
 from ecm.io.table import read_table
+from ecm.models.physics.map import physics_map
 from support.driven import PRESSURES
 from support.neck import Command
 
@@ -114,6 +115,20 @@ def test_an_arm_of_ones_own_mesh_is_simulated_as_typed(
     table = read_table(Path("pairs.csv"), need="fit")
     assert len(table) == 3
     assert table.matrix(PRESSURES).min() > 0.0
+
+
+def test_a_mesh_in_millimetres_is_said_to_be_one(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio", reason="needs the extra `mesh` (meshio)")
+    path = _write(tmp_path / "neck.vtu", "point arrays")
+    mesh = meshio.read(path)
+    mesh.points *= 1e3
+    mesh.write(path)
+    with pytest.raises(InputError, match=r"neck.vtu: this mesh is 100 m long.*scale its points by"):
+        Mechanism(mesh_file=path, **MATERIAL)
+    stated = Mechanism(mesh_file=path, length_m=0.1, **MATERIAL)
+    for use in (stated.fem, lambda: physics_map(stated)):
+        with pytest.raises(InputError, match=r"length_m = 0.1: leave .* scale its points by 0.001"):
+            use()
 
 
 def test_straight_tetrahedra_get_nodes_on_their_edges(tmp_path: Path) -> None:
@@ -230,7 +245,7 @@ def test_cad_that_is_no_mechanism_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no face lies flat"):
         read_mesh(_cad(tmp_path / "ball.step", ball=True))
     small = _cad(tmp_path / "metres.step", scale=1e-3)
-    with pytest.raises(InputError, match="undeformed length in metres"):
+    with pytest.raises(InputError, match="is it in metres"):
         Mechanism.from_dict({"mesh": small.name, **MATERIAL}, base=tmp_path)
     (tmp_path / "text.step").write_text("no CAD", encoding="utf-8")
     with pytest.raises(InputError, match=r"text\.step: gmsh cannot mesh"):

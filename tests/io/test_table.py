@@ -159,6 +159,7 @@ def test_a_standard_name_with_another_unit_is_refused_with_the_likely_one(
     assert likely_name(own) == likely
     path = saved(tmp_path / "data.csv", f"{own},covariate\n1.0,2.0\n")
     assert f"column '{own}' looks like '{likely}'" in refusal(path)
+    assert "table = ecm.import_log(log).table" in refusal(path)
 
 
 def test_a_column_of_whole_numbers_in_capitals_is_not_asked_for_a_unit(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ from ecm.models.physics.family import PhysicsFamily
 from ecm.models.physics.map import PhysicsMap, kept_physics, physics_map
 from ecm.models.prediction import predict
 from support.campaigns import physics, workspace_poses
-from support.neck import Command, columns_of
+from support.meshes import block_mesh
+from support.neck import Command, columns_of, saved
 from support.stand_in import L
 
 REACH_RAD = 1.1
@@ -108,6 +109,39 @@ def test_a_thick_body_is_solved_where_it_stands() -> None:
     # Pushed aside by less than its own length, not by twice of it.
     assert np.abs(poses[:, 1:3]).max() < body_fits.LENGTH_M
     assert set(fem.solve_poses(poses).status) == {"solved"}
+
+
+def test_a_mesh_is_solved_as_far_as_its_poses_reach(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Half of the poses of a thick bushing up to 0.8 rad had no stable state: FEM took 12 h."""
+    path = saved(tmp_path / "body.msh", block_mesh())
+    own, usual = Mechanism(mesh_file=path, young_modulus_Pa=1e6), 0.565685
+    asked: list[float] = []
+
+    def built(_: Any, settings: BuildSettings, **__: Any) -> PhysicsFamily:
+        asked.append(settings.rotation_limit_rad)
+        raise ComputationError("stop here")
+
+    monkeypatch.setattr("ecm.models.physics.map.build_family", built)
+    for reach in (0.0, 0.1, 0.5, 0.85):
+        with pytest.raises(ComputationError, match="stop here"):
+            physics_map(own, cache=tmp_path, reach_rad=reach)
+    assert asked == pytest.approx([usual, 0.4, usual, 0.8])
+
+
+def test_fit_says_which_poses_the_fem_does_not_reach(
+    neck_physics: PhysicsMap,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ecm_command: Command,
+) -> None:
+    monkeypatch.setattr("ecm.cli.models.physics_map", lambda *_, **__: neck_physics)
+    monkeypatch.chdir(tmp_path)
+    far_table().write("d.csv")
+    Path("body.toml").write_text(f"[mechanism]\nlength_m = {L}\n", encoding="utf-8")
+    done = ecm_command("fit", "d.csv", "--model", "body.toml", "--force", "--out", "m.json").good()
+    assert "poses turn further than the FEM behind the physics, 0.8" in done.err
 
 
 def test_a_wide_family_of_other_poses_is_not_taken_from_the_cache(

@@ -102,6 +102,11 @@ def test_a_few_pairs_are_enough_for_simulate_alone() -> None:
         few.check_job()
 
 
+def test_the_test_pairs_of_few_pairs_are_few() -> None:
+    tested = [config_from_dict({"simulate": {"n": n}}).simulate.n_test for n in (2, 60, 1700)]
+    assert tested == [1, 12, 300]
+
+
 def test_a_mesh_is_looked_for_beside_the_file(tmp_path: Path) -> None:
     path = saved(
         tmp_path / "own.toml",

@@ -5,8 +5,10 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from operator import itemgetter
 from types import TracebackType
 from typing import Any
 
@@ -18,7 +20,9 @@ _LINE_EVERY_S = 10.0
 _FIRST_LINE_S = 2.0
 _MOST_COUNTED = 100
 _LONGER = 0.2
-"""Least share of the time since the last word that a work still takes."""
+"""Least share of the time since a count moved that a work still takes."""
+_ANOTHER_COUNT = 0.5
+"""What falls below this share of what was done begins anew; a smaller step back corrects it."""
 
 
 class Console:
@@ -101,22 +105,31 @@ class _Progress(threading.Thread):
         super().__init__(daemon=True)
         self._title, self._words = title, ""
         self._begun = self._told = time.monotonic()
-        self._first = self._done = self._total = 0.0
-        self._begun_count = self._begun
+        self._done = self._total = 0.0
+        self._marks: list[tuple[float, float]] = []
+        """When the count was how far: each time that it moved."""
         self._expected = 0.0
-        """Seconds to the end when it was told last; 0 where nothing tells them."""
+        """Seconds to the end when it moved last; 0 where nothing tells them."""
         self._ended = threading.Event()
 
     def tell(self, done: float, total: float, *words: Any) -> None:
         """Take the part that is done, the whole, and the name of the step that goes on."""
         now = time.monotonic()
-        if total != self._total or done < self._done:  # a count of its own
-            self._first, self._begun_count = done, now
-        self._done, self._total, self._told = done, total, now
+        if total != self._total or done < _ANOTHER_COUNT * self._done:
+            self._marks.clear()
+        if done != self._done or not self._marks:
+            # A count that goes back a little was too high before.
+            del self._marks[bisect_left(self._marks, done, key=itemgetter(1)) :]
+            self._marks.append((now, done))
+            self._told = now
+            # At the speed of the later half of the time: parts get slower, or faster.
+            half = bisect_right(self._marks, 0.5 * (self._marks[0][0] + now), key=itemgetter(0))
+            begun, first = self._marks[max(half - 1, 0)]
+            gained = done - first
+            left = max(total - done, 0.0)
+            self._expected = (now - begun) * left / gained if gained else 0.0
+        self._done, self._total = done, total
         self._words = ", ".join(filter(None, map(str, words)))
-        gained = done - self._first
-        known = total and gained > 0 and done < total
-        self._expected = (now - self._begun_count) * (total - done) / gained if known else 0.0
 
     def at(self, now: float) -> tuple[str, float, float, float]:
         """What goes on, the part that is done, the whole, and the seconds left.

@@ -28,6 +28,7 @@ from ecm.fem.simulate import simulate as simulate_pairs
 from ecm.fem.simulate import write_vtu
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
+from ecm.io.mechanism import RUBBER_PA
 from ecm.io.settings import write_toml
 from ecm.io.table import Table
 from ecm.report.blocks import text_of
@@ -433,7 +434,9 @@ def simulate(
     job = read_config(config)
     parts = out.with_suffix(".parts")
     session.on_interrupt(f"finished cases are kept in {parts}. The same command goes on there.")
-    workspace = job.workspace
+    workspace, young = job.workspace, job.mechanism.young_modulus_Pa
+    if young < RUBBER_PA[0]:
+        session.warn(f"E = {young:.3g} Pa, and rubber has 1e4 or more: is it in Pa?")
     pairs = simulate_pairs(
         job.mechanism,
         job.simulate.n,
@@ -441,11 +444,12 @@ def simulate(
         seed=session.seed,
         threads=session.threads,
         directory=parts,
-        progress=session.progress("FEM poses"),
+        progress=session.progress(f"FEM poses{job.mechanism.size_words}"),
         **options,
     )
     pairs.table(str(out)).write(out)
     session.on_interrupt(f"complete: {out}. Run the same command again for the rest.")
+    session.warn(*pairs.warnings)
     if vtu is not None:
         shown = pairs.wrenches[:_VTU]
         write_vtu(job.mechanism, shown, vtu)

@@ -46,6 +46,7 @@ from ecm.models.export import export as export_model
 from ecm.models.fit import refuse_unused_inputs
 from ecm.models.fit_summary import fit_summary
 from ecm.models.physics.map import poses_meant
+from ecm.models.prediction import beyond_reach
 from ecm.models.prediction import predict as predict_table
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary, refuse_worse
@@ -85,7 +86,7 @@ def open_model(name: str, session: Session, table: Table | None = None) -> Model
 def build_physics(body: Mechanism, session: Session, table: Table | None) -> PhysicsMap:
     """Build the FEM of a body, with progress where it is not in the cache."""
     poses = None if table is None else poses_meant(table)
-    with session.working("FEM of the body, kept for the next time") as tell:
+    with session.working(f"FEM of the body, kept for the next time{body.size_words}") as tell:
         return physics_map(body, threads=session.threads, progress=tell, poses=poses)
 
 
@@ -331,7 +332,9 @@ def fit(
             enough = learning_curve(table, specification, _SIZES, seed=session.seed, progress=tell)
         summary["curve"] = enough.to_dict()
         session.print(*enough.sentences())
-    said = [] if wrong is None else [wrong.sentence()]
+    beyond = beyond_reach(fitted, table.measured().matrix(fitted.inputs))
+    session.warn(*beyond)
+    said = [*beyond] if wrong is None else [*beyond, wrong.sentence()]
     before, summary["addition"] = None, None
     if add:
         load_installed()

@@ -15,7 +15,7 @@ from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, central_differences
 from ecm.io.events import Printed, Progress, Steps, tell_part
-from ecm.io.mechanism import MODELS, TESTS, WITH_TERMS, Material
+from ecm.io.mechanism import MODELS, RUBBER_PA, TESTS, WITH_TERMS, Material
 from ecm.io.settings import did_you_mean, read_text
 
 _STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
@@ -293,7 +293,8 @@ def _fit(
     names, own = _named(model, values)
     material = Material(model, own | {"poisson_ratio": poisson_ratio})
     covered = _covered_stretches(tests)
-    warnings = _range_warnings(tests, covered, use) + [
+    warnings = [*_modulus_warnings(material), *_range_warnings(tests, covered, use)]
+    warnings += [
         f"{name} = {value:.3g} +- {error:.2g} is not determined by these tests"
         for name, value, error in zip(names, values, sd, strict=True)
         if error > 0.5 * abs(value)
@@ -356,6 +357,20 @@ def _covered_stretches(tests: Sequence[MaterialTest]) -> tuple[float, float]:
             a, b = b**-2, a**-2
         low, high = min(low, a), max(high, b)
     return low, high
+
+
+def _modulus_warnings(material: Material) -> list[str]:
+    """Say where no rubber has this modulus, and with which unit it would be one."""
+    low, high = RUBBER_PA
+    young = material.young_modulus_Pa
+    if low <= young <= high:
+        return []
+    factors = [f"{f:g} times" for f in (1e3, 1e-3, 1e6, 1e-6) if low <= f * young <= high]
+    return [
+        f"E = {young:.3g} Pa, and rubber has {low / 1e6:g} to {high / 1e6:g} MPa: is "
+        f"the unit of the stresses {' or '.join(factors) or 'not'} this one (header stress_MPa, or "
+        "--unit)?"
+    ]
 
 
 def _range_warnings(

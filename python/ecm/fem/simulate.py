@@ -451,6 +451,10 @@ _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
 
 
+_HARDLY_MOVED = 0.02
+"""Displacement over the length, and rotation in rad, below which a box tells of no nonlinearity."""
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Simulated(Printed):
     """Wrench-pose pairs by FEM, in the order of the wrenches.
@@ -505,6 +509,21 @@ class Simulated(Printed):
     def actuation(self) -> F:
         """(N, m), gauge pressure of each chamber, Pa, then tension of each tendon, N."""
         return self.loads[:, 6:]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks wrong with all pairs together: a body that the box hardly moves."""
+        length = self.mechanism.length_m
+        moved = np.linalg.norm(self.poses[:, :3] - [length, 0.0, 0.0], axis=1) / length
+        most = np.maximum(moved, np.linalg.norm(self.poses[:, 3:], axis=1)).max(initial=0.0)
+        if not 0.0 < most < _HARDLY_MOVED:
+            return ()
+        young = self.mechanism.young_modulus_Pa
+        return (
+            f"these wrenches move the body by at most {most:.1g} of its length or rad: "
+            f"check the length, {1e3 * length:.4g} mm, and E, {young:.3g} Pa; where both are "
+            "right, widen [workspace] wrench_min and wrench_max",
+        )
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
@@ -610,9 +629,11 @@ def simulate(
         count = min(batch_size(first), max(wanted, _SMALLEST_BATCH))
         wrenches, serial = draws.next(count, partial(_promising, cases, first, workspace))
 
-        def report(done: int, total: int, before: int = kept) -> None:
+        # As many of these cases are kept as of those before.
+        def report(done: int, _: int, before: int = kept, cases: int = first) -> None:
             if progress is not None:
-                progress(min(n, before + done * (n - before > 0)), n, "solving")
+                share = (before + 1) / (cases + 1)
+                progress(min(n, before + int(share * done)), n, "solving")
 
         part = cases.solve(first, wrenches, None if progress is None else report)
         first += len(wrenches)

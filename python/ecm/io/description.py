@@ -413,7 +413,7 @@ class Meta:
         """Return the description that is written beside a table: a mesh file as seen from there."""
         meta = self.applied()
         mesh = meta.mechanism.get("mesh")
-        if mesh is None or not meta.source or Path(mesh).is_absolute():
+        if mesh is None or Path(mesh).is_absolute():
             return meta
         moved = os.path.relpath(Path(meta.source).parent / mesh, table.parent)
         return replace(meta, mechanism={**meta.mechanism, "mesh": moved})

@@ -174,6 +174,13 @@ _DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
 _MAY_BE_ZERO = ("chamber_angle_rad", "channel_radius_m", "end_wall_m")
 """Dimensions that a shape may leave out."""
 _LOWEST_MODULUS_PA = 100.0
+RUBBER_PA = (1e4, 1e8)
+"""Young's moduli of rubber, silicone and soft foam."""
+_LENGTHS_M = (1e-3, 10.0)
+_ENOUGH_NODES = 5000
+"""The neck's mesh of 3255 errs by half a per cent; the time grows like the nodes^1.8."""
+_SAME_LENGTH = 0.01
+"""Largest share by which a stated length may differ from that of the mesh."""
 _LARGEST_RADIUS = 10.0
 """Largest radius over the length: a larger one was probably given in another unit."""
 
@@ -242,7 +249,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
 
     builtin: str = setting("cylinder", choices=("", *_SHAPES))
     """Shape; empty: that of a mesh, or only the length is known."""
-    length_m: float = setting(0.1034, low=1e-3, high=10.0)
+    length_m: float = setting(0.1034, low=_LENGTHS_M[0], high=_LENGTHS_M[1])
     """Undeformed length in metres, not millimetres; mesh and CAD files at real size."""
     radius_m: float = setting(0.033, low=0.0)
     """Outer radius; of an hourglass at its ends."""
@@ -492,6 +499,27 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
                     raise InputError(f"[mechanism]: {error}") from None
         return mesh
 
+    @property
+    def size_words(self) -> str:
+        """For who waits for FEM: the nodes of a mesh file, which set the time."""
+        if self.mesh_file is None:
+            return ""
+        nodes = len(self.mesh().nodes_m)
+        slow = f" ({_ENOUGH_NODES} are mostly enough)" if nodes > _ENOUGH_NODES else ""
+        return f", {nodes} nodes{slow}"
+
+    def check_length(self) -> None:
+        """Refuse a stated length that is not that of the mesh file."""
+        if self.mesh_file is None:
+            return
+        found = self.mesh().length_m
+        if abs(found - self.length_m) > _SAME_LENGTH * self.length_m:
+            raise InputError(
+                f"{self.mesh_file}: this mesh is {found:.4g} m long from base to top, and "
+                f"[mechanism] length_m = {self.length_m:g}: leave length_m out, or "
+                f"{_scale_by(self.length_m / found)}"
+            )
+
     def _round_the_axis(self) -> Iterator[Tendon]:
         """Tendons parallel to the axis, at equal angles."""
         for k in range(self.tendon_count):
@@ -536,6 +564,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
             )
         if self.young_modulus_Pa <= 0.0:
             raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
+        self.check_length()
         weight = None
         if gravity_m_s2 is not None:
             x, y, z = (self.density_kg_m3 * g for g in gravity_m_s2)
@@ -662,4 +691,19 @@ def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:
 
 def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
     quality = table.get("quality", "standard")
-    return float(read_mesh(path, quality if quality in tuple(SIZES) else "standard").length_m)
+    found = float(read_mesh(path, quality if quality in tuple(SIZES) else "standard").length_m)
+    low, high = _LENGTHS_M
+    if not low <= found <= high:
+        raise InputError(
+            f"{path}: this mesh is {found:.4g} m long from base to top, expected {low:g} to "
+            f"{high:g} m: is it in metres? Else {_scale_by(1e-3 if found > high else 1e3)}"
+        )
+    return found
+
+
+def _scale_by(factor: float) -> str:
+    """How a mesh comes to metres."""
+    return (
+        f"scale its points by {factor:.3g} and save it again (in Gmsh Mesh.ScalingFactor, with "
+        f"meshio mesh.points *= {factor:.3g})"
+    )

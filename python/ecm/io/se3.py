@@ -325,7 +325,8 @@ def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> F
     if missing:
         raise InputError(
             f"{source}: [frames] needs all six pose columns, and {', '.join(missing)} "
-            f"{'is' if len(missing) == 1 else 'are'} missing"
+            f"{'is' if len(missing) == 1 else 'are'} missing: if the log has them under other "
+            f"names, say so by --map {missing[0]}=COLUMN of ecm import (columns= in Python)"
         )
     tool = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
     bad = ~np.isfinite(tool).all(axis=1)

@@ -29,7 +29,7 @@ from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import did_you_mean, refuse_pipe
-from ecm.io.validate import by_the_clock, join_runs, validated_columns
+from ecm.io.validate import IMPORT_IT, by_the_clock, join_runs, validated_columns
 
 Need = Literal["fit", "predict"]
 """fit: at least one pose and one wrench column; predict: at least one pose column."""
@@ -569,7 +569,8 @@ def require_columns(table: Table, need: Need | None) -> None:
             raise InputError(
                 f"{table.source}: no {word} column was found (columns: {shown}), so {why}; "
                 f"expected at least one of {', '.join(names)}.{hint} Rename the columns, or map "
-                "them in [columns] of a description (--meta FILE.toml)."
+                "them in [columns] of a description (--meta FILE.toml).",
+                remedy=IMPORT_IT,
             )
     if len(table.measured()) == 0:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")

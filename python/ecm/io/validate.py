@@ -92,6 +92,9 @@ def validated_columns(
     return columns, np.flatnonzero(keep), (*warnings, *_covariate_warnings(columns, source))
 
 
+IMPORT_IT = Remedy("import it, where it is a log of another program", IMPORT)
+
+
 def _mapping(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, ColumnSource | None]]:
     """Return position in the file and scaling by standard name, in file order."""
     mapped: dict[str, tuple[int, ColumnSource | None]] = {}
@@ -118,7 +121,8 @@ def _mapping(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, Col
                 f"{source}: column '{name}' looks like '{likely}' without its unit or with another "
                 "one; expected the unit in the name. If it is in that unit, call it "
                 f"'{likely}'; else give {likely} = {{ column = \"{name}\", scale = ... }} in "
-                "[columns]."
+                "[columns].",
+                remedy=IMPORT_IT,
             )
         mapped[name] = (position, None)
     return dict(sorted(mapped.items(), key=lambda item: item[1][0]))

@@ -42,6 +42,8 @@ from ecm.rig.run import require_possible
 from ecm.rig.settings import TABLES as RIG_TABLES
 from ecm.rig.settings import RigSettings
 
+_TESTED = 300
+
 
 @dataclass(frozen=True)
 class SimulateTable(Checked):
@@ -49,11 +51,13 @@ class SimulateTable(Checked):
 
     n: int = setting(1700, low=2)
     """Pairs to keep, test pairs included."""
-    n_test: int = setting(300, low=1)
-    """Pairs of these that are only for testing."""
+    n_test: int = setting(0, low=0)
+    """Pairs of these that are only for testing; 0: 300, or 20 % of fewer pairs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.n_test == 0:
+            object.__setattr__(self, "n_test", min(_TESTED, max(1, self.n // 5)))
         if self.n_test >= self.n:
             raise InputError(f"n_test = {self.n_test}: expected above 0 and below n = {self.n}")
 

@@ -197,8 +197,10 @@ def simulate_pairs(job: Job) -> Simulated:
         seed=job.seed,
         threads=job.threads,
         directory=job.stages,
-        progress=job.console.progress("FEM pairs"),
+        progress=job.console.progress(f"FEM pairs{config.mechanism.size_words}"),
     )
+    for text in pairs.warnings:
+        job.console.print(f"warning: {text}")
     counts = pairs.counts
     rest = config.mechanism.fem().rest_stiffness()
     equation_11 = steps.against_equation_11(rest, job.of_paper)
@@ -326,10 +328,11 @@ def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
 
 def build_physics(job: Job, pairs: Simulated) -> PhysicsMap:
     """FEM of the body as a map over the poses of these pairs; kept in the cache folder."""
+    body = job.config.mechanism
     return physics_map(
-        job.config.mechanism,
+        body,
         threads=job.threads,
-        progress=job.console.progress("FEM of the body, kept for the next time"),
+        progress=job.console.progress(f"FEM of the body, kept for the next time{body.size_words}"),
         poses=poses_meant(pairs.table()),
     )
 

@@ -65,6 +65,7 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
     """
     if mechanism.builtin == "rod":
         return scaled_rod(stated_rod(mechanism))
+    mechanism.check_length()
     length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
     nu = mechanism.poisson_ratio
     across = {
@@ -135,7 +136,9 @@ def build_family(
     nodes = Nodes.around(compressibility(shape.poisson_ratio))
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
-    usual = usual_rotation_rad(shape)
+    # Where only near poses are asked for, forces fall like the rotations.
+    near = math.sqrt(ROTATION_LIMIT_RAD * settings.rotation_limit_rad)
+    usual = min(usual_rotation_rad(shape), near)
     limits: dict[str, Any] = {
         "rotation_limit_rad": settings.rotation_limit_rad,
         "usual_rad": usual,

@@ -22,7 +22,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, rms_of_columns
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.events import Progress
+from ecm.io.events import Progress, Steps
 from ecm.io.mechanism import Mechanism
 from ecm.io.sanity import likely_order
 from ecm.io.se3 import ORDERS, read_in_other_order
@@ -49,6 +49,8 @@ _MESH_VERSION = 2
 _WIDE_VERSION = 2
 """Version of the poses of wide families: those that a load holds."""
 _REACH_STEP = 0.2
+_LEAST_REACH = 0.4
+"""Reach of a mesh of one's own for poses that turn less; of the loads it has half."""
 _MOST_REACH = 2.4
 """The neck reaches 2.4 rad in the whole box of Table I."""
 _POSES_OF_A_MESH = 160
@@ -362,7 +364,8 @@ def physics_map(
     if (further := kept.further(family, poses, _length_of(mechanism))) is not None:
         # Where too few such poses have a stable state, predictions say what they are beyond.
         with suppress(ComputationError):
-            kept, family = further, further.built(threads, progress)
+            more = Steps({"usual": 100, "larger forces": 100}, progress).within("larger forces")
+            kept, family = further, further.built(threads, more)
     return _map_of(mechanism, family, kept.mesh(family, threads=threads, progress=progress))
 
 
@@ -408,9 +411,13 @@ class _Kept:
         """Choose numbers of poses by the kind of body and by how far its poses reach."""
         shape = shape_of(mechanism)
         usual = usual_rotation_rad(shape)
+        own_mesh = mechanism.mesh_file is not None and settings is None
+        near = math.ceil(reach_rad / MARGIN / _REACH_STEP) * _REACH_STEP
+        if own_mesh and 0.0 < near < usual:
+            # Far poses, which nobody asks for, take FEM longest: many have no stable state.
+            usual = min(usual, max(near, _LEAST_REACH))
         if settings is None:
             # A mesh of a user may have no symmetry, and then ten times the terms.
-            own_mesh = mechanism.mesh_file is not None
             poses = _POSES_OF_A_MESH if own_mesh else BuildSettings.poses
             settings = BuildSettings(poses=poses, rotation_limit_rad=usual)
         if reach_rad > MARGIN * settings.rotation_limit_rad:
