@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_454, 203),
+    "python/ecm": (43_746, 204),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (33_899, 237),
+    "tests": (34_237, 237),
     "crates": (34_192, 197),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-standard deviations and comparisons in slow noise (64 lines in the package, less 70 of a correlation
-time of the motion), one thread of BLAS for all who compute, copies of a caller's arrays, chambers
-of any name and kind; a test of each."""
+steps from recorded inputs to those that act in C, Rust and FMU, controllers that are copied and say
+what is no number (166 lines in the package), units of meshes, stresses and moduli (96), forms of a
+body beside what it remembers (32); a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)
