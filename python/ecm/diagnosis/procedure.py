@@ -479,7 +479,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     """Return the decision with the family in place of `unknown`, where one is sure.
 
     Names that all else outweighs nine to one are no more than a part of what is missing; where
-    nothing is likeliest they are chance. Where the pose is sure, it is said to be the model's form.
+    nothing is likeliest they are chance. Where the pose is sure, no other column is said.
     """
     problem, accepted, unknown = decision.problem, decision.accepted, decision.unknown
     told = unknown is not None and (unknown.slow_noise or unknown.variables == ("run",))
@@ -496,7 +496,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
     if family is None:
-        if chances.of_pose >= SURE:
+        if chances.of_pose >= SURE and not set(unknown.variables) <= set(problem.base.inputs):
             words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
             unknown = replace(unknown, words=words, variables=("pose",), nearest=None, template="")
         return replace(decision, unknown=unknown)

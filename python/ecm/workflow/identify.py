@@ -140,7 +140,7 @@ def identify(
         tables = measure_designs(job, candidates, designs)
         physics = None if _driven(job) else build_physics(job, pairs)
         identify_models(job, tables, physics)
-    with job.step("loop", "4 The loop: an effect is hidden in the rig, and found again"):
+    with job.step("loop", "4 The loop: what is hidden in the rig is looked for, and added"):
         find_hidden_effect(job, candidates, physics)
     with job.step("time", "Evaluation time against FEM"):
         evaluation = measure_times(job, pairs, test[:_TIMED_PAIRS])

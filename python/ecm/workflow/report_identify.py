@@ -412,15 +412,10 @@ def loop_section(step: Mapping[str, Any], figures: Figures) -> Section:
         TextBlock(_loop_sentence(step), strong=True),
         TextBlock(step["before"]["sentence"]),
         _components(step["before"], step["after"], history[0]["name"] if history else "the model"),
-        _history_table(history),
     ]
     if history:
-        blocks.append(
-            FigureBlock(
-                "The fit history: root mean square of whitened residuals, 1 is the noise floor.",
-                history_figure(history),
-            )
-        )
+        caption = "The fit history: root mean square of whitened residuals, 1 is the noise floor."
+        blocks += [_history_table(history), FigureBlock(caption, history_figure(history))]
     blocks.append(ranking_table(diagnosis))
     if "loop_time_s" in figures:
         blocks.append(
