@@ -91,12 +91,10 @@ def keep_data(out: Path, *, overwrite: bool, resume: bool = True) -> None:
 
 def _names_a_campaign(path: Path) -> bool:
     """Whether there is a journal with a complete first line."""
-    try:
-        with path.open(encoding="utf-8") as journal:
-            first = journal.readline()
-    except (OSError, UnicodeDecodeError):
-        return False
-    return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
+    with suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8") as journal:
+        first = journal.readline()
+        return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
+    return False
 
 
 _OF_COLUMN: dict[str, Callable[[str], object]] = {"visit": int, "row": int, "kind": str}
