@@ -261,14 +261,8 @@ def _points(length_m: float | None) -> Iterator[Convention]:
     changes: list[tuple[str, Change]] = [
         ("the wrench looks stated in the axes of the top, not the base", _from_top),
         ("the wrench looks turned by the inverse rotation", _to_top),
-        (
-            "the torque looks taken about the base's origin, not the top's",
-            lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] - np.cross(p[:, :3], h[:, :3])])),
-        ),
-        (
-            "the torque looks taken a length too far",
-            lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])),
-        ),
+        ("the torque looks taken about the base's origin, not the top's", _about_another(-1.0)),
+        ("the torque looks taken a length too far", _about_another(1.0)),
     ]
     for words, change in changes:
         yield Convention(words, change, of_pose=False)
@@ -276,6 +270,11 @@ def _points(length_m: float | None) -> Iterator[Convention]:
         along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         words = "the positions look measured from the rest pose, not from the base"
         yield Convention(words, lambda p, h: (p + along, h), of_pose=True)
+
+
+def _about_another(share: float) -> Change:
+    """Return the change to a torque about a point that is this share of the position farther."""
+    return lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + share * np.cross(p[:, :3], h[:, :3])]))
 
 
 def _from_top(poses: F, wrench: F) -> tuple[F, F]:
