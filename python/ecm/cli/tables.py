@@ -179,15 +179,6 @@ def _leave_out(data: list[Path], session: Session) -> None:
         )
 
 
-_FILES = {
-    "config": "config.toml",
-    "arm": "arm.toml",
-    "rig": "rig.toml",
-    "bench": "bench.toml",
-    "data": "data.csv",
-}
-
-
 def new(
     session: Session,
     what: Literal["config", "arm", "rig", "bench", "data"],
@@ -206,7 +197,7 @@ def new(
     dof : 1|3|6
         Columns of data: one angle, three, or all.
     """
-    usual = _FILES[what]
+    usual = "data.csv" if what == "data" else f"{what}.toml"
     path = out or Path(usual)
     files = {path: data_template(int(dof)) if what == "data" else template(usual)}
     if what == "data":
