@@ -172,11 +172,8 @@ def _leave_out(data: list[Path], session: Session) -> None:
     """Record the rows of each table that are no measurements, in its description."""
     for path, description in _described(data, session, "--leave-out records rows"):
         found = record_leave_out(path, description)
-        session.print(
-            f"{description}: [leave_out] has {', '.join(found)}"
-            if found
-            else f"{path}: nothing to leave out"
-        )
+        said = f"{description}: [leave_out] has {', '.join(found)}"
+        session.print(said if found else f"{path}: nothing to leave out")
 
 
 def new(
