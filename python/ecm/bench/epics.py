@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import cache
 from typing import Any
 
@@ -177,17 +177,20 @@ class EpicsMotors:
         tolerance_rad: float = 1e-3,
         timeout_s: float = 2.0,
     ) -> None:
-        self._opened: list[_Channels] = []
         self._tolerance = np.repeat([tolerance_m, tolerance_rad], 3)
         self._goal = np.full(6, np.nan)
-        try:
-            for names, factor in ((setpoint, scale), (readback, scale), (done, 1.0), (stop, 1.0)):
-                self._opened.append(_Channels(names, factor, timeout_s))
-            self._setpoint, self._readback, self._done, self._stop = self._opened
+        with ExitStack() as opened:
+            self._setpoint, self._readback, self._done, self._stop = (
+                opened.enter_context(closing(_Channels(names, factor, timeout_s)))
+                for names, factor in (
+                    (setpoint, scale),
+                    (readback, scale),
+                    (done, 1.0),
+                    (stop, 1.0),
+                )
+            )
             self._setpoint.six()
-        except BaseException:
-            self.close()
-            raise
+            self.close = opened.pop_all().close
 
     def start(self, pose: F) -> None:
         """Send the axes to a pose (6,)."""
@@ -207,11 +210,6 @@ class EpicsMotors:
     def pose(self, window_s: float) -> tuple[F, F]:
         """Mean and standard deviation (6,) of where the axes are."""
         return self._readback.pose(window_s)
-
-    def close(self) -> None:
-        """Leave the servers."""
-        for channels in self._opened:
-            channels.close()
 
 
 class EpicsActuators:
@@ -235,12 +233,12 @@ class EpicsActuators:
         scale: float | Sequence[float] = 1.0,
         timeout_s: float = 2.0,
     ) -> None:
-        self._setpoint = _Channels(setpoint, scale, timeout_s)
-        try:
-            self._readback = _Channels(readback, scale, timeout_s)
-        except BaseException:
-            self._setpoint.close()
-            raise
+        with ExitStack() as opened:
+            self._setpoint, self._readback = (
+                opened.enter_context(closing(_Channels(names, scale, timeout_s)))
+                for names in (setpoint, readback)
+            )
+            self.close = opened.pop_all().close
 
     def actuate(self, values: F) -> None:
         """Ask for (m,) pressures or tensions."""
@@ -249,8 +247,3 @@ class EpicsActuators:
     def actuation(self) -> F:
         """What is there, (m,)."""
         return self._readback.read()[0]
-
-    def close(self) -> None:
-        """Leave the servers."""
-        self._setpoint.close()
-        self._readback.close()

@@ -172,10 +172,9 @@ class LineDevice:
         self._link.close()
 
     def _six(self, answer: dict[str, Any], key: str) -> F:
-        try:
+        numbers = np.empty(0)
+        with suppress(KeyError, TypeError, ValueError):
             numbers = np.asarray(answer[key], dtype=np.float64)
-        except (KeyError, TypeError, ValueError):
-            numbers = np.empty(0)
         if numbers.ndim not in (1, 2) or numbers.shape[-1] != 6 or not np.isfinite(numbers).all():
             raise DeviceError(f"{self._address}: the answer has no {key} of six finite numbers")
         return numbers
@@ -247,10 +246,9 @@ class LineDevice:
                 raise DeviceError(
                     f"{self._address}: no answer within {self._timeout_s:g} s{self._aside}"
                 )
-            try:
+            more = b""
+            with suppress(OSError):
                 more = os.read(self._link.fileno(), 65536)
-            except OSError:
-                more = b""
             if not more:
                 raise _Cut(f"{self._address}: the connection was closed")
             self._rest += more

@@ -9,7 +9,7 @@ import numpy as np
 
 from ecm.bench.devices import DeviceError
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, float_of
 from ecm.io.columns import POSE, WRENCH, find_unit
 
 _DIMENSIONS = ("length", "angle", "force", "torque")
@@ -123,10 +123,7 @@ def _number(word: str, name: str) -> float:
     """
     digits = word.rstrip("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ°µ ")
     said = word[len(digits) :].strip()
-    try:
-        value = float(digits)
-    except ValueError:
-        value = math.nan
+    value = float_of(digits)
     if not math.isfinite(value):
         raise InputError(f"`{word}` is no number")
     if not said:

@@ -275,9 +275,7 @@ class Run:
         """Words, once, for an instrument that reads the same at the latest poses."""
         latest = [self.taken[i] for i in self.at_poses[-_ROWS_COMPARED:]]
         asked = np.stack([self.timeline.visits[one.number].pose for one in latest])
-        pose, sensor = (
-            np.stack([getattr(one.reading, name) for one in latest]) for name in ("pose", "sensor")
-        )
+        pose, sensor = _means(latest, "pose"), _means(latest, "sensor")
         reach = np.ptp(self.poses, axis=0)
         # A sensor without a load has noise: zeros in all that it measures are of one that is dead.
         sensor[~sensor.any(axis=1)] = np.isin(WRENCH, self.bench.columns)
@@ -295,9 +293,7 @@ class Run:
 
     def wrenches(self, taken: Sequence[Taken]) -> F:
         """Wrenches (N, 6) of readings, by the zeros among them that the procedure asks for."""
-        poses, sensor = (
-            np.stack([getattr(t.reading, name) for t in taken]) for name in ("pose", "sensor")
-        )
+        poses, sensor = _means(taken, "pose"), _means(taken, "sensor")
         return self.compensated(taken, _times(taken), poses, sensor, _warmth(taken))
 
     def compensated(self, taken: Sequence[Taken], time_s: F, poses: F, sensor: F, degC: F) -> F:
@@ -306,7 +302,7 @@ class Run:
         zero = zero_at(
             time_s,
             _times(zeros),
-            np.asarray([t.reading.sensor for t in zeros]).reshape(-1, 6),
+            _means(zeros, "sensor").reshape(-1, 6),
             self.bench.procedure.offset_compensation,
             temperatures_degC=(degC, _warmth(zeros)),
         )
@@ -418,8 +414,12 @@ def _times(taken: Sequence[Taken]) -> F:
     return np.asarray([one.time_s for one in taken])
 
 
+def _means(taken: Sequence[Taken], name: str) -> F:
+    return np.array([getattr(one.reading, name) for one in taken])
+
+
 def _warmth(taken: Sequence[Taken]) -> F:
-    return np.asarray([one.reading.sensor_temperature_degC for one in taken])
+    return _means(taken, "sensor_temperature_degC")
 
 
 def _size(step: F) -> str:
@@ -440,15 +440,15 @@ def table_of(run: Run, plan: Table, out: Path, readings: Sequence[Taken]) -> Tab
         visits[i] = replace(visit, kind=one.kind, repeat=repeats[key])
         repeats[key] += 1
     columns = visit_columns(visits, _times(taken) - run.began_s)
-    means = [one.reading for one in taken]
-    columns |= run.columns(np.stack([r.pose for r in means]), wrenches[rows])
+    columns |= run.columns(_means(taken, "pose"), wrenches[rows])
     inputs = np.stack([one.inputs for one in taken])
     columns |= dict(zip(plan.actuation_columns, inputs.T.copy(), strict=True))
     for name in ("temperature_degC", "sensor_temperature_degC"):
-        degrees = np.asarray([getattr(reading, name) for reading in means])
+        degrees = _means(taken, name)
         if np.isfinite(degrees).all():
             columns[name] = degrees
-    spread, own = spread_columns(means), {f"sd_{name}" for name in run.bench.columns}
+    spread = spread_columns([one.reading for one in taken])
+    own = {f"sd_{name}" for name in run.bench.columns}
     columns |= {name: column for name, column in spread.items() if name in own}
     skipped = (f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in run.skipped)
     return Table(columns, described(run, plan), str(out), (*skipped, *run.warnings))

@@ -207,19 +207,20 @@ class _Rig:
         if not by_hand(devices, "wrench"):
             samples = self.answer("wrench", lambda: self._samples(window_s), window_s)
             sensor = samples.mean(axis=0)
-            self._hold(limits.wrench_breach(sensor - self._run.zero))
+            self.hold(limits.wrench_breach(sensor - self._run.zero))
         if not by_hand(devices, "pose"):
             at = pose.result(None)
-            self._hold(limits.pose_breach(at[0], self._run.layout.rest))
-            self._hold(limits.speed_breach(before, at))
-        self._hold(limits.temperature_breach(self._degrees()[0]))
-        self._hold(limits.actuation_breach(self._told("actuation", "actuation")))
+            self.hold(limits.pose_breach(at[0], self._run.layout.rest))
+            self.hold(limits.speed_breach(before, at))
+        self.hold(limits.temperature_breach(self._degrees()[0]))
+        self.hold(limits.actuation_breach(self._told("actuation", "actuation")))
         if self._follows and at is not None:
             self._keep(at[0], sensor[None], at[1], window_s)
         return at
 
     @staticmethod
-    def _hold(breach: str) -> None:
+    def hold(breach: str) -> None:
+        """Stop where a limit is broken."""
         if breach:
             raise Stopped(breach)
 
@@ -409,9 +410,7 @@ class Messages:
         """Set the actuators (m,), where they are to be changed."""
         if not values.size or (self._at is not None and np.array_equal(values, self._at[6:])):
             return
-        breach = self._run.bench.limits.actuation_breach(values)
-        if breach:
-            raise Stopped(breach)
+        self._rig.hold(self._run.bench.limits.actuation_breach(values))
         device = self._devices["actuation"]
         yield from self._called("actuation", lambda: device.actuate(values), _CALL_S)
 
@@ -427,9 +426,7 @@ class Messages:
 
             yield from self._called("follower", find, bench.limits.move_s)
         goal: F = displaced(self._free[values.tobytes()][None], offset[None])[0]
-        breach = bench.limits.pose_breach(goal, self._run.layout.rest)
-        if breach:
-            raise Stopped(breach)
+        self._rig.hold(bench.limits.pose_breach(goal, self._run.layout.rest))
         return goal
 
     def _handled(self, visit: Visit) -> Iterator[Any]:

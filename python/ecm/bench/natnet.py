@@ -16,6 +16,7 @@ import socket
 import struct
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -101,11 +102,9 @@ class NatNet:
     def _forget(self) -> None:
         """Leave out what came before the window."""
         self._socket.settimeout(0.0)
-        try:
+        with suppress(BlockingIOError):
             while self._socket.recv(65535):
                 pass
-        except BlockingIOError:
-            return
 
     def _tracked(self, packet: bytes) -> dict[int, F]:
         """Poses (6,) of the rigid bodies that are tracked in a packet; none in another message."""

@@ -9,7 +9,6 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from operator import itemgetter
-from types import TracebackType
 from typing import Any
 
 from ecm.cli import interrupt
@@ -83,12 +82,7 @@ class Console:
         interrupt.describe(None)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _write(self, stream: Any, text: str) -> None:

@@ -109,32 +109,28 @@ def import_options(options: Mapping[str, Any]) -> list[str]:
 
 def _is_table(path: Path) -> bool:
     """Whether the first line of a file names standard columns of a pose and of a wrench."""
-    try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            names = {name.strip() for name in file.readline().split(",")}
-    except OSError:
-        return False
-    return not names.isdisjoint(POSE) and not names.isdisjoint(WRENCH)
+    with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
+        names = {name.strip() for name in file.readline().split(",")}
+        return not names.isdisjoint(POSE) and not names.isdisjoint(WRENCH)
+    return False
 
 
 def _is_model(path: Path) -> bool:
     """Whether a file is a fitted model."""
     if path.suffix != ".json":
         return False
-    try:
+    with suppress(OSError, ValueError):
         document = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        return False
-    return isinstance(document, dict) and "training" in document
+        return isinstance(document, dict) and "training" in document
+    return False
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
     """What changes when a file is written again; None where there is none."""
-    try:
+    with suppress(OSError):
         status = path.stat()
-    except OSError:
-        return None
-    return status.st_ino, status.st_mtime_ns
+        return status.st_ino, status.st_mtime_ns
+    return None
 
 
 def check_plan(path: Path, table: Table) -> None:

@@ -172,20 +172,8 @@ def _leave_out(data: list[Path], session: Session) -> None:
     """Record the rows of each table that are no measurements, in its description."""
     for path, description in _described(data, session, "--leave-out records rows"):
         found = record_leave_out(path, description)
-        session.print(
-            f"{description}: [leave_out] has {', '.join(found)}"
-            if found
-            else f"{path}: nothing to leave out"
-        )
-
-
-_FILES = {
-    "config": "config.toml",
-    "arm": "arm.toml",
-    "rig": "rig.toml",
-    "bench": "bench.toml",
-    "data": "data.csv",
-}
+        said = f"{description}: [leave_out] has {', '.join(found)}"
+        session.print(said if found else f"{path}: nothing to leave out")
 
 
 def new(
@@ -206,7 +194,7 @@ def new(
     dof : 1|3|6
         Columns of data: one angle, three, or all.
     """
-    usual = _FILES[what]
+    usual = "data.csv" if what == "data" else f"{what}.toml"
     path = out or Path(usual)
     files = {path: data_template(int(dof)) if what == "data" else template(usual)}
     if what == "data":

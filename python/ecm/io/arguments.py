@@ -18,26 +18,19 @@ from numpy.typing import ArrayLike
 
 from ecm.errors import InputError, shown
 
-_WORDS: dict[Any, str] = {
-    bool: "True or False",
-    int: "a whole number",
-    float: "a number",
-    str: "text",
-    Path: "a path",
-    np.ndarray: "an array of numbers",
-    dict: "a dict",
-    Mapping: "a dict",
-    Callable: "a function",
-    type(None): "None",
+_KINDS: dict[Any, tuple[Any, str]] = {
+    bool: ((bool, np.bool_), "True or False"),
+    int: (numbers.Integral, "a whole number"),
+    float: (numbers.Real, "a number"),
+    str: (str, "text"),
+    Path: ((Path, str), "a path"),
+    np.ndarray: (np.ndarray, "an array of numbers"),
+    dict: (Mapping, "a dict"),
+    Mapping: (Mapping, "a dict"),
+    Callable: (Callable, "a function"),
+    type(None): (type(None), "None"),
 }
-_KINDS: dict[Any, Any] = {
-    bool: (bool, np.bool_),
-    int: numbers.Integral,
-    float: numbers.Real,
-    Path: (Path, str),
-    dict: Mapping,
-}
-"""What an annotation takes beside its own type."""
+"""What a value of each annotation may be, and the words for it."""
 _hints: dict[Any, dict[str, Any]] = {}
 
 
@@ -133,7 +126,7 @@ def _fits(value: Any, hint: Any) -> bool:  # noqa: PLR0911 - one return a kind o
     if origin in (int, float) and isinstance(value, (bool, np.bool_)):
         return False
     try:
-        known = isinstance(value, _KINDS.get(origin, origin))
+        known = isinstance(value, _KINDS.get(origin, (origin, ""))[0])
     except TypeError:  # a protocol that cannot be looked at
         return True
     if origin is Callable:
@@ -163,8 +156,8 @@ def is_array(value: Any) -> bool:
 def _words(hint: Any) -> str:
     """What an annotation expects, in words."""
     origin, options = _origin(hint), get_args(hint)
-    if origin in _WORDS:
-        return _WORDS[origin]
+    if origin in _KINDS:
+        return _KINDS[origin][1]
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_words(option) for option in options))
     if origin is Literal:

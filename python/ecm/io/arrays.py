@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
@@ -28,6 +29,20 @@ def evenly(count: int, most: int) -> I:
     (array([0, 2, 4]), array([0, 1]))
     """
     return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
+
+
+def float_of(text: str) -> float:
+    """The number that a text states; nan for any other text.
+
+    Examples
+    --------
+    >>> float_of(" 2.5"), float_of("two")
+    (2.5, nan)
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def rms(values: F) -> float:

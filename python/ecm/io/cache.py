@@ -257,10 +257,9 @@ def write_arrays(path: Path, arrays: Arrays) -> None:
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """Read an .npz file; None where there is none or it is damaged."""
-    try:
+    with suppress(*_DAMAGED):
         return _unpack(path.read_bytes())
-    except _DAMAGED:
-        return None
+    return None
 
 
 def _pack(arrays: Arrays) -> bytes:

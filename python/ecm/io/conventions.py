@@ -186,32 +186,26 @@ def _units() -> Iterator[Convention]:
     yield _scaled("the angles look divided by 57.3 once too often", angle=180 / np.pi)
 
 
-def _scaled(
-    words: str,
-    *,
-    position: float = 1.0,
-    angle: float = 1.0,
-    force: float = 1.0,
-    torque: float = 1.0,
-) -> Convention:
-    """Return the convention in which pose and wrench are this many times what is stated."""
-    of_pose = (position, angle) != (1.0, 1.0)
-    turns = [factor * np.eye(3) for factor in (position, angle, force, torque)]
-    return replace(_turned(words, *turns), of_pose=of_pose, of_pose_unit=of_pose)
+def _scaled(words: str, **factors: float) -> Convention:
+    """Return the convention in which parts of pose and wrench are so many times what is stated."""
+    of_pose = not {"position", "angle"}.isdisjoint(factors)
+    turns = {part: factor * np.eye(3) for part, factor in factors.items()}
+    return replace(_turned(words, **turns), of_pose=of_pose, of_pose_unit=of_pose)
 
 
-def _turned(
-    words: str, position: F | None, angle: F | None, force: F | None, torque: F | None
-) -> Convention:
-    """Return the convention of other axes: what is stated is a (3, 3) times what is meant."""
-    turns = [np.eye(3) if turn is None else turn for turn in (position, angle, force, torque)]
+def _turned(words: str, **turned: F) -> Convention:
+    """Return the convention of other axes: what is stated is a (3, 3) times what is meant.
+
+    turned: that of the position, angle, force and torque; a part that is not named stays.
+    """
+    turns = [turned.get(part, np.eye(3)) for part in ("position", "angle", "force", "torque")]
 
     def change(poses: F, wrench: F) -> tuple[F, F]:
         parts = (poses[:, :3], poses[:, 3:], wrench[:, :3], wrench[:, 3:])
-        turned = [part @ turn for part, turn in zip(parts, turns, strict=True)]
-        return np.hstack(turned[:2]), np.hstack(turned[2:])
+        meant = [part @ turn for part, turn in zip(parts, turns, strict=True)]
+        return np.hstack(meant[:2]), np.hstack(meant[2:])
 
-    return Convention(words, change, of_pose=position is not None)
+    return Convention(words, change, of_pose="position" in turned)
 
 
 def _axes() -> Iterator[Convention]:
@@ -221,18 +215,19 @@ def _axes() -> Iterator[Convention]:
     for axis, sign in zip("xyz", 1.0 - 2.0 * np.eye(3), strict=True):
         flip = np.diag(sign)
         words = f"the {axis} axis of the {{}} looks reversed (left-handed axes)"
-        yield _turned(words.format("wrench"), None, None, flip, -flip)
-        yield _turned(words.format("pose"), flip, -flip, None, None)
+        yield _turned(words.format("wrench"), force=flip, torque=-flip)
+        yield _turned(words.format("pose"), position=flip, angle=-flip)
     yield from _of_turns(turns[_SINGLE:])
 
 
 def _of_turns(turns: list[tuple[str, F]]) -> Iterator[Convention]:
     for words, turn in turns:
-        yield _turned(f"the wrench's axes look {words}", None, None, turn, turn)
+        yield _turned(f"the wrench's axes look {words}", force=turn, torque=turn)
     for words, turn in turns:
-        yield _turned(f"the pose's axes look {words}", turn, turn, None, None)
+        yield _turned(f"the pose's axes look {words}", position=turn, angle=turn)
     for words, turn in turns:
-        yield _turned(f"the axes of pose and wrench look {words}", turn, turn, turn, turn)
+        every = dict.fromkeys(("position", "angle", "force", "torque"), turn)
+        yield _turned(f"the axes of pose and wrench look {words}", **every)
 
 
 def _axis_turns() -> Iterator[tuple[str, F]]:
@@ -266,14 +261,8 @@ def _points(length_m: float | None) -> Iterator[Convention]:
     changes: list[tuple[str, Change]] = [
         ("the wrench looks stated in the axes of the top, not the base", _from_top),
         ("the wrench looks turned by the inverse rotation", _to_top),
-        (
-            "the torque looks taken about the base's origin, not the top's",
-            lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] - np.cross(p[:, :3], h[:, :3])])),
-        ),
-        (
-            "the torque looks taken a length too far",
-            lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])),
-        ),
+        ("the torque looks taken about the base's origin, not the top's", _about_another(-1.0)),
+        ("the torque looks taken a length too far", _about_another(1.0)),
     ]
     for words, change in changes:
         yield Convention(words, change, of_pose=False)
@@ -281,6 +270,11 @@ def _points(length_m: float | None) -> Iterator[Convention]:
         along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         words = "the positions look measured from the rest pose, not from the base"
         yield Convention(words, lambda p, h: (p + along, h), of_pose=True)
+
+
+def _about_another(share: float) -> Change:
+    """Return the change to a torque about a point that is this share of the position farther."""
+    return lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + share * np.cross(p[:, :3], h[:, :3])]))
 
 
 def _from_top(poses: F, wrench: F) -> tuple[F, F]:

@@ -187,6 +187,11 @@ class RowErrors:
         """Note a bad cell (or row, with an empty column) by the index of its data row."""
         self.errors.append(RowError(int(self.numbers[row]), column, found, expected))
 
+    def add_each(self, bad: B, column: str, values: Any, expected: str) -> None:
+        """The same for every row that is marked (N,), with its number in `values`."""
+        for row in np.flatnonzero(bad).tolist():
+            self.add(row, column, f"{values[row]:g}", expected)
+
     def place(self, row: int) -> str:
         """Return e.g. 'line 14' for the index of a data row."""
         return f"{self.word} {self.numbers[row]}"

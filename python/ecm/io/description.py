@@ -213,8 +213,7 @@ class FileMeta(Checked):
     epoch_s: float = setting(0.0, low=0.0)
     """When `time_s` is 0, since 1970: orders tables that are given together; 0 is not known."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         if list(self.begins_s) != sorted(set(self.begins_s)):
             raise InputError(f"begins_s = {list(self.begins_s)}: expected increasing times")
 
@@ -230,8 +229,7 @@ class ColumnSource(Checked):
     offset: float = setting(0.0)
     """In the unit of the standard column."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         if self.scale == 0.0:
             raise InputError(f"scale = {self.scale}: expected a number other than 0")
 
@@ -269,8 +267,7 @@ class Scene(Checked):
     payload_mass_kg: float | None = setting(None, low=0.0)
     """Mass on the platform."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         _check_gravity(self.gravity_m_s2)
 
 
@@ -296,8 +293,7 @@ class Run(Checked):
     note: str = setting("")
     """Any text."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         _check_gravity(self.gravity_m_s2)
 
 

@@ -207,8 +207,7 @@ class Tendon(Checked):
     platform_m: tuple[tuple[float, ...], ...] = setting((), any_size=True)
     """Points that the platform carries, last."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         for field in fields(self):
             for point in getattr(self, field.name):
                 if len(point) != 3:
@@ -462,21 +461,18 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
     @property
     def actuators(self) -> tuple[str, ...]:
         """Columns of the inputs: pressure_1_Pa, ... of chambers, tension_1_N, ... of tendons."""
-        tendons = self.tendon_count + len(self.tendons)
-        return (
-            *(f"pressure_{k + 1}_Pa" for k in range(self.chambers)),
-            *(f"tension_{k + 1}_N" for k in range(tendons)),
-        )
+        return self._numbered("pressure_{}_Pa", "tension_{}_N")
 
     @property
     def amounts(self) -> tuple[str, ...]:
         """Columns of what the inputs do work on: volume_1_m3, ..., length_1_m, ... wound in."""
-        return tuple(
-            name.replace("pressure", "volume").replace("Pa", "m3")
-            if name.startswith("pressure")
-            else name.replace("tension", "length").replace("_N", "_m")
-            for name in self.actuators
-        )
+        return self._numbered("volume_{}_m3", "length_{}_m")
+
+    def _numbered(self, chamber: str, tendon: str) -> tuple[str, ...]:
+        """A name for each chamber, then one for each tendon."""
+        tendons = self.tendon_count + len(self.tendons)
+        names = [chamber] * self.chambers, [tendon] * tendons
+        return tuple(name.format(k) for own in names for k, name in enumerate(own, 1))
 
     def mesh(self) -> Mesh:
         """Return the tetrahedra of the body; InputError where only its length is known."""

@@ -265,8 +265,7 @@ class Frames(Checked):
     wrench_by: str = setting("surroundings", choices=("surroundings", "mechanism"))
     """Who exerts the wrench: the surroundings on the platform, or the mechanism."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         for name in ("base_from_robot", "top_from_tool", "base_from_sensor"):
             value = getattr(self, name)
             if value is not None and abs(np.linalg.norm(value[3:]) - 1.0) > _UNIT:

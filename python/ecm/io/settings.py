@@ -199,13 +199,18 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 @dataclass(frozen=True)
 class Limits:
-    """What a setting may be; the parameters of `setting`."""
+    """What a setting may be; also parameters of `setting`."""
 
     low: float = -math.inf
+    """Smallest number, also of each entry of a list."""
     above: float = -math.inf
+    """Exclusive lower limit."""
     high: float = math.inf
+    """Largest number."""
     choices: tuple[str, ...] = ()
+    """Texts that are allowed."""
     size: int | None = None
+    """Number of entries of a list."""
 
     def check(self, value: Any, place: str) -> None:
         """Raise InputError where a value (or an entry of a list) is out of range."""
@@ -259,33 +264,21 @@ def meanings(cls: type) -> dict[str, str]:
     return found
 
 
-def setting(
-    default: Any = MISSING,
-    *,
-    low: float = -math.inf,
-    above: float = -math.inf,
-    high: float = math.inf,
-    choices: tuple[str, ...] = (),
-    size: int | None = None,
-    any_size: bool = False,
-) -> Any:
+def setting(default: Any = MISSING, *, any_size: bool = False, **limits: Any) -> Any:
     """Return a dataclass field whose range is checked when the settings are read.
 
     Parameters
     ----------
     default
         Value where the table has no such key; without it the key is required.
-    low, above, high
-        Smallest number, exclusive lower limit, largest number; also of each entry of a list.
-    choices
-        Texts that are allowed.
-    size, any_size
-        Number of entries of a list; without both it has as many as its default.
+    any_size
+        Whether a list may have another number of entries than its default.
+    limits
+        The fields of `Limits`.
     """
     if isinstance(default, tuple) and not any_size:
-        size = len(default)
-    limits = Limits(low, above, high, choices, size)
-    return field(default=default, metadata={"limits": limits})
+        limits["size"] = len(default)
+    return field(default=default, metadata={"limits": Limits(**limits)})
 
 
 def _check(cls: type, item: Any, value: Any, place: str) -> None:
@@ -309,6 +302,10 @@ class Checked:
             value = getattr(self, item.name)
             check_type(item.name, value, hints[item.name])
             _check(self.__class__, item, value, item.name)
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Raise InputError where one field does not fit another, or asks for more than a range."""
 
 
 def read_settings(cls: type[T], table: Any, where: str) -> T:

@@ -214,16 +214,14 @@ def _label(cell: Any) -> str:
 
 
 def _check_range(name: str, values: F, errors: RowErrors) -> None:
-    for row in np.flatnonzero(values < 0.0) if name == "dwell_s" else ():
-        errors.add(int(row), name, f"{values[row]:g}", "at least 0 s")
+    if name == "dwell_s":
+        errors.add_each(values < 0.0, name, values, "at least 0 s")
     if name not in WHOLE:
         return
     finite = np.isfinite(values)
-    for row in np.flatnonzero(finite & (values != np.round(values))):
-        errors.add(int(row), name, f"{values[row]:g}", "a whole number")
+    errors.add_each(finite & (values != np.round(values)), name, values, "a whole number")
     if name in JOINT_SIGNS:
-        for row in np.flatnonzero(finite & (np.abs(values) > 1.0)):
-            errors.add(int(row), name, f"{values[row]:g}", "-1, 0 or 1")
+        errors.add_each(finite & (np.abs(values) > 1.0), name, values, "-1, 0 or 1")
 
 
 def _good(columns: Columns, errors: RowErrors) -> B:

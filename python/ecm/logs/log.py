@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -138,18 +139,15 @@ def _without_headers(parts: dict[str, NDArray[Any]]) -> tuple[dict[str, NDArray[
 
 def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
     """The number of rows: the length that most arrays have, along their first or last axis."""
-    count: dict[int, int] = {}
-    along_first: dict[int, int] = {}
-    for value in arrays:
-        for size in {value.shape[0], value.shape[-1]} if value.ndim else ():
-            count[size] = count.get(size, 0) + 1
-        if value.ndim:
-            size = len(value)
-            along_first[size] = along_first.get(size, 0) + int(np.prod(value.shape[1:]))
+    shapes = [value.shape for value in arrays if value.ndim]
+    count = Counter(size for shape in shapes for size in {shape[0], shape[-1]})
+    along_first = Counter[int]()
+    for size, *components in shapes:
+        along_first[size] += math.prod(components)
     # (6, N) arrays alone: more components than a pose can have are rows.
     return max(
         (size for size in count if size > 1),
-        key=lambda size: (count[size], size > MOST_COMPONENTS, along_first.get(size, 0), size),
+        key=lambda size: (count[size], size > MOST_COMPONENTS, along_first[size], size),
         default=None,
     )
 
@@ -273,10 +271,9 @@ def _transforms(value: NDArray[Any]) -> NDArray[Any]:
 
 def _read_cells(cells: NDArray[Any]) -> tuple[F, str, float] | None:
     """As `numbers_in_words`; bare numbers have no unit."""
-    try:
+    with suppress(TypeError, ValueError):
         return np.array([np.nan if c is None or c == "" else float(c) for c in cells]), "", 0.0
-    except (TypeError, ValueError):
-        return numbers_in_words(cells.tolist())
+    return numbers_in_words(cells.tolist())
 
 
 _STAMP = re.compile(r"(.*)[._/](secs?)", re.IGNORECASE)

@@ -124,12 +124,9 @@ class Camera:
         count = self.images(window_s)
         jitter = self._jitter * random.standard_normal((count, 6))
         mean = displaced(true[None, :], (common + jitter.mean(axis=0))[None, :])[0]
-        spread = (
-            rotate_errors(true, jitter - jitter.mean(axis=0)).std(axis=0, ddof=1)
-            if count > 1
-            else np.zeros(6)
-        )
-        return mean, spread
+        if count == 1:
+            return mean, np.zeros(6)
+        return mean, rotate_errors(true, jitter - jitter.mean(axis=0)).std(axis=0, ddof=1)
 
     def apparent_pose(self, true: F, walk: F, random: np.random.Generator) -> F:
         """The pose (6,) as the creeping camera sees it; walk (6,) is the stand's unit process."""

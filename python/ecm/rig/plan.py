@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, float_of
 from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.columns import POSE_OFFSETS
 from ecm.io.events import tell
@@ -73,10 +73,7 @@ class Action:
             if colon:
                 raise InputError(f"{where}: action `{text}` takes no value; write `{name}`")
             return Action(name)
-        try:
-            value = float(rest)
-        except ValueError:
-            value = math.nan
+        value = float_of(rest)
         if not math.isfinite(value) or (name != "remount" and value <= 0.0):
             raise InputError(
                 f"{where}: action `{text}`: expected a number of {unit}, such as `{name}:10`"
@@ -193,10 +190,7 @@ def followed(
 
 def _approach(text: str) -> str:
     """The text, a pose_id as a whole number: a table program may have written 12 as 12.0."""
-    try:
-        number = float(text)
-    except ValueError:
-        return text
+    number = float_of(text)
     return str(int(number)) if number.is_integer() else text
 
 
@@ -226,20 +220,20 @@ class Visit:
     pose_id: int
     repeat: int
     run: int
-    approach: str
     time_s: float
     """Middle of the window."""
     window_s: float
-    travel_s: float
-    """Duration of the last leg."""
-    dwell_s: float
     way: F
     """Way points (k, 6), or (k, 6 + m), since the visit before, ending at `pose`."""
     rested: bool
     """The history of the mechanism restarts."""
     mount_rad: float
     payload_on: bool
-    dead_weight_kg: float
+    approach: str = HOME
+    travel_s: float = 0.0
+    """Duration of the last leg."""
+    dwell_s: float = 0.0
+    dead_weight_kg: float = 0.0
     free: F | None = None
     """The free pose with the inputs (6 + m,) from which the robot went on to `pose`."""
     set_s: float = 0.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,12 @@ from ecm.rig.timeline import Climate, travel_s
 
 DEAD_WEIGHT_ARM_M = 0.05
 """Where a dead weight hangs on the free sensor, along x of the top frame."""
+_OF_VISITS = (
+    *("nearest", "time_s", "temperature_degC", "sensor_temperature_degC", "walk", "inputs"),
+    *("moving", "memory"),
+)
+_OF_EACH = ("mount_rad", "travel_s", "dwell_s")
+"""What the visits, and each of them, hold as the conditions do."""
 
 
 @dataclass(frozen=True)
@@ -120,25 +127,17 @@ class Plant:
 
     def _conditions(self, visits: Visits) -> Conditions:
         loaded, optics = visits.of_kind(POSE, AT_HOME), Optics(self.settings.instrument)
+        of_visits: dict[str, Any] = {name: getattr(visits, name) for name in _OF_VISITS}
+        of_visits |= {name: visits.numbers(name) for name in _OF_EACH}
         at = Conditions(
             length_m=self.length_m,
             poses=np.where(loaded[:, None], visits.reached, rest_pose(self.length_m)),
-            nearest=visits.nearest,
-            time_s=visits.time_s,
-            temperature_degC=visits.temperature_degC,
-            sensor_temperature_degC=visits.sensor_temperature_degC,
-            walk=visits.walk,
             loaded=loaded,
-            mount_rad=visits.numbers("mount_rad"),
-            travel_s=visits.numbers("travel_s"),
-            dwell_s=visits.numbers("dwell_s"),
             arrival_m=visits.arrivals_m,
             ways=tuple(visit.way for visit in visits),
-            inputs=visits.inputs,
             actuators=self.actuators,
             since_set_s=visits.time_s - visits.numbers("set_s"),
             rested=tuple(visit.rested for visit in visits),
-            moving=visits.moving,
             leg_s=partial(travel_s, procedure=self.settings.rig),
             gravity_m_s2=self._gravity,
             fts_range=np.asarray(self.settings.instrument.fts_range),
@@ -147,7 +146,7 @@ class Plant:
             gradings=self.gradings,
             led_places_m=optics.places_m,
             leds_visible=optics.visible,
-            memory=visits.memory,
+            **of_visits,
         )
         if not at.inputs.size:
             return at
@@ -236,16 +235,9 @@ def visits_of(
 ) -> Visits:
     """The visits with the values of the slow processes at their times."""
     time = np.asarray([visit.time_s for visit in visits])
-    return Visits(
-        visits,
-        reached,
-        nearest,
-        time,
-        climate.at(climate.mechanism_degC, time),
-        climate.at(climate.sensor_degC, time),
-        climate.at(climate.walk, time),
-        moving,
-    )
+    processes = (climate.mechanism_degC, climate.sensor_degC, climate.walk)
+    mechanism, sensor, walk = (climate.at(process, time) for process in processes)
+    return Visits(visits, reached, nearest, time, mechanism, sensor, walk, moving)
 
 
 def wrench_in_base(

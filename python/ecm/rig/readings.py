@@ -7,8 +7,8 @@ after them; when the last one is there the table is written and the journal goes
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -91,12 +91,10 @@ def keep_data(out: Path, *, overwrite: bool, resume: bool = True) -> None:
 
 def _names_a_campaign(path: Path) -> bool:
     """Whether there is a journal with a complete first line."""
-    try:
-        with path.open(encoding="utf-8") as journal:
-            first = journal.readline()
-    except (OSError, UnicodeDecodeError):
-        return False
-    return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
+    with suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8") as journal:
+        first = journal.readline()
+        return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
+    return False
 
 
 _OF_COLUMN: dict[str, Callable[[str], object]] = {"visit": int, "row": int, "kind": str}
@@ -119,12 +117,10 @@ class Journal:
         self._stream: IO[str] | None = None
 
     def __enter__(self) -> Journal:
-        try:
+        with on_disk(self.path):
             # Written again, so that a line that was cut in half is gone.
             write_atomically(self.path, self._head + "".join(f"{line}\n" for line in self.lines))
             self._stream = self.path.open("a", encoding="utf-8", newline="")
-        except OSError as error:
-            raise disk_error(self.path, error) from None
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -134,13 +130,11 @@ class Journal:
 
     def append(self, line: str) -> None:
         """One more reading, on disk when this returns."""
-        try:
-            if self._stream is not None:
+        if self._stream is not None:
+            with on_disk(self.path):
                 self._stream.write(line + "\n")
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
-        except OSError as error:
-            raise disk_error(self.path, error) from None
         self.lines.append(line)
 
     def remove(self) -> None:
@@ -175,12 +169,16 @@ class Journal:
         return lines
 
 
-def disk_error(path: Path, error: OSError) -> ComputationError:
-    """What to raise where a disk is full or gone."""
-    return ComputationError(
-        f"{path}: a reading could not be written: {error}. All readings before it are kept; free "
-        "the disk and run the same command again"
-    )
+@contextmanager
+def on_disk(path: Path) -> Iterator[None]:
+    """Say what to do where a disk is full or gone while a reading is written."""
+    try:
+        yield
+    except OSError as error:
+        raise ComputationError(
+            f"{path}: a reading could not be written: {error}. All readings before it are kept; "
+            "free the disk and run the same command again"
+        ) from None
 
 
 _NAMES = (

@@ -14,6 +14,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -441,13 +442,11 @@ def _ledger(path: Path, key: str, *, overwrite: bool) -> tuple[set[int], set[int
     """Which tables are this job's own, and which of them are done."""
     if not path.exists():
         return set(), set()
-    try:
+    with suppress(OSError, ValueError, KeyError, TypeError):  # damaged, or of another kind
         stored = json.loads(path.read_text(encoding="utf-8"))
         own, done = ({int(i) for i in stored[name]} for name in ("own", "done"))
         if stored["key"] == key:
             return own, done
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
     if overwrite:
         return set(), set()
     raise InputError(

@@ -310,8 +310,7 @@ class RigSettings(Checked):
     arm: ArmSettings = field(default_factory=ArmSettings)
     """Keys of [rig] that mode = "robot" adds."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         quaternion = np.asarray(self.instrument.top_from_sensor[3:])
         if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
             raise InputError(

@@ -296,17 +296,8 @@ class Layout:
         self._way.append(pose)
         return duration
 
-    def _read(
-        self,
-        kind: str,
-        request: Request | None,
-        window_s: float,
-        *,
-        dwell_s: float = 0.0,
-        approach: str = HOME,
-        travel_s: float = 0.0,
-        dead_weight_kg: float = 0.0,
-    ) -> None:
+    def _read(self, kind: str, request: Request | None, window_s: float, **more: Any) -> None:
+        """Read for a while; more: fields of the visit that are not as usual."""
         pose_id = -1 if request is None else request.pose_id
         repeat = self._seen.get((kind, pose_id), 0)
         self._seen[kind, pose_id] = repeat + 1
@@ -318,18 +309,15 @@ class Layout:
                 pose_id=pose_id,
                 repeat=repeat,
                 run=self._run,
-                approach=approach,
                 time_s=self._clock + 0.5 * window_s,
                 window_s=window_s,
-                travel_s=travel_s,
-                dwell_s=dwell_s,
                 way=np.stack(self._way),
                 rested=self._rested,
                 mount_rad=self._mount,
                 payload_on=self._payload,
-                dead_weight_kg=dead_weight_kg,
                 free=None if request is None else request.free,
                 set_s=self._set_s,
+                **more,
             )
         )
         self._clock += window_s

@@ -54,8 +54,7 @@ class SimulateTable(Checked):
     n_test: int = setting(0, low=0)
     """Pairs of these that are only for testing; 0: 300, or 20 % of fewer pairs."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         if self.n_test == 0:
             object.__setattr__(self, "n_test", min(_TESTED, max(1, self.n // 5)))
         if self.n_test >= self.n:
@@ -79,8 +78,7 @@ class SelectTable(Checked):
     energy_poses: tuple[int, ...] = setting((20, 50, 200), low=5, any_size=True)
     """Numbers of poses that they are trained on."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         for name in ("degrees", "thresholds"):
             if not getattr(self, name):
                 raise InputError(f"{name} = []: expected at least one entry")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -307,10 +308,9 @@ class PlannedDesign(Shown):
             "model": self.model,
             "n": len(self.design.indices),
             "rows": (self.design.indices + 1).tolist(),
-            "value": self.design.value,
-            "bound": self.design.bound,
-            "efficiency": self.design.efficiency,
-            "status": self.design.status,
+            **{
+                key: getattr(self.design, key) for key in ("value", "bound", "efficiency", "status")
+            },
             "reproducible": self.reproducible,
             "minutes": self.minutes,
             "effects": [item.to_dict() for item in self.effects],
@@ -453,11 +453,9 @@ def design(
 
 def _free_nominal(table: Table, threads: int, console: Console) -> NominalModel | None:
     """The nominal model where it costs no option: measured wrenches or a body are there."""
-    try:
+    with suppress(InputError):
         if table.wrench_columns == WRENCH or table.meta.body() is not None:
             return nominal_model(table, threads=threads)
-    except InputError:
-        pass
     console.print(
         "which effects this plan can name is not known without a nominal stiffness; give --base "
         "MODEL, or a [mechanism] beside the candidates"

@@ -49,11 +49,9 @@ def arm_section(step: Mapping[str, Any], figures: Figures) -> Section:
         )
         blocks.append(TableBlock(caption, ("design", "pose", "reason"), reasons[:_MOST_REASONS]))
     times = ", ".join(f"{name} {end - begin:.1f} s" for name, begin, end in phases_s)
-    shown = (
-        f"the first pose of the plan, which was not reached: {step['not_reached']}"
-        if step["not_reached"]
-        else "the first pose that was reached, from home and back"
-    )
+    shown = "the first pose that was reached, from home and back"
+    if step["not_reached"]:
+        shown = f"the first pose of the plan, which was not reached: {step['not_reached']}"
     caption = f"Fig. 7: {shown}; dashed: the goal. {times}."
     blocks.append(FigureBlock(caption, _figure(figures, phases_s)))
     return Section("The arm", blocks)

@@ -23,7 +23,7 @@ from ecm.io.columns import POSE as POSE_COLUMNS
 from ecm.io.se3 import displacement, seen_from
 from ecm.rig.physics.true_effect import metric_root
 from ecm.rig.plan import POSE, Visit, rest_pose
-from ecm.rig.readings import disk_error
+from ecm.rig.readings import on_disk
 from ecm.rig.settings import Procedure
 from ecm.rig.timeline import travel_s
 
@@ -184,10 +184,8 @@ class TripStore:
         arrays = {"duration_s": np.array(result.duration_s), **_arrays("home", result.home)}
         for k, stop in enumerate(result.stops):
             arrays |= _arrays(str(k), stop)
-        try:
+        with on_disk(self._stage.directory):
             self._stage.save_part(number, arrays)
-        except OSError as error:
-            raise disk_error(self._stage.directory, error) from None
 
     def load(self, number: int) -> TripResult | None:
         """Return a stored result; None where there is none."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arguments import check_arguments, path_of
+from ecm.io.arrays import float_of
 from ecm.io.columns import behind
 from ecm.io.events import Printed
 from ecm.io.settings import did_you_mean
@@ -95,10 +96,7 @@ class Hidden:
             return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0, plausible=True)
         if name == NOTHING:
             raise InputError(f"--hide {text}: `none` takes no strength; write `none`")
-        try:
-            strength = float(rest)
-        except ValueError:
-            strength = float("nan")
+        strength = float_of(rest)
         if not 0.0 < strength <= 100.0:
             raise InputError(
                 f"--hide {text}: strength `{rest}`, expected a number above 0 and at most 100"

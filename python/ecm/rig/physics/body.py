@@ -7,8 +7,8 @@ seen without any measurement.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,18 +16,16 @@ from ecm.io.arrays import F
 from ecm.io.se3 import compose, rotation, seen_from, turn_wrench
 from ecm.rig.elastic import COS2, SIN2, STIFF, TAPER, THICK
 from ecm.rig.physics.true_effect import (
+    DIRECTION,
+    MEAN_TEMPERATURE,
     MOTION_SCALE,
     BodyPose,
     BodyVariation,
     Conditions,
     Limit,
-    Random,
-    RigScale,
-    balanced_direction,
+    between,
     metric_root,
 )
-
-T = TypeVar("T", bound="LateralTurn")
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,12 @@ class PlatformSlip(BodyPose, effect="platform_slip", unit="m"):
     `size` is the translation of the jump.
     """
 
-    direction: tuple[float, ...] = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    at_s: float = field(default=1800.0, metadata=between(0.3, 0.7, of="duration_s"))
+    direction: tuple[float, ...] = field(default=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0), metadata=DIRECTION)
     """Direction of translation, and of rotation times 0.1 m, in the platform's axes."""
-    at_s: float = 1800.0
 
     limit: ClassVar[Limit] = Limit(0.05, "poses measured again at the end")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> PlatformSlip:
-        at_s = float(random.uniform(0.3, 0.7)) * rig.duration_s
-        return cls(1e-4, direction=balanced_direction(random), at_s=at_s)
+    first_size: ClassVar[float] = 1e-4
 
     def afterwards(self) -> PlatformSlip:
         """Slipped from the beginning."""
@@ -71,17 +65,13 @@ class PermanentSet(BodyPose, effect="permanent_set", unit="1"):
     long visit.
     """
 
-    yield_m: float = 0.02
+    yield_m: float = field(default=0.02, metadata=between(0.8, 1.1, of="far_m"))
     """y."""
-    time_s: float = 10.0
+    time_s: float = field(default=10.0, metadata=between(3.0, 20.0))
     """tau."""
 
     limit: ClassVar[Limit] = Limit(0.3, "home checks, small poses after large ones")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> PermanentSet:
-        yield_m = float(random.uniform(0.8, 1.1)) * rig.far_m
-        return cls(1e-4, yield_m=yield_m, time_s=float(random.uniform(3.0, 20.0)))
+    first_size: ClassVar[float] = 1e-4
 
     def body_pose(self, poses: F, at: Conditions) -> F:
         return poses - at.from_all(self._sets)
@@ -114,14 +104,11 @@ class LateralTurn(BodyPose, unit="rad"):
     `size` is its angle.
     """
 
-    azimuth_rad: float = 0.0
+    azimuth_rad: float = field(default=0.0, metadata=between(0.0, 2.0 * np.pi))
     """Direction of the axis from y, in the body."""
 
     limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
-
-    @classmethod
-    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
-        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+    first_size: ClassVar[float] = 2e-3
 
     def turns(self, at: Conditions) -> F:
         """Motions (N, 6): no translation, and the turn as a rotation vector in base axes."""
@@ -189,14 +176,11 @@ class ThermalGrowth(BodyPose, effect="thermal_expansion", name="thermal_growth",
     kelvin.
     """
 
-    reference_degC: float = 22.0
+    reference_degC: float = field(default=22.0, metadata=MEAN_TEMPERATURE)
     """Temperature at which the body has its stated size."""
 
     limit: ClassVar[Limit] = Limit(0.01, "a warm-up between the poses")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> ThermalGrowth:
-        return cls(3e-4, reference_degC=rig.mean_temperature_degC)
+    first_size: ClassVar[float] = 3e-4
 
     def _growth(self, at: Conditions) -> F:
         """(N, 1) size over the stated one."""
@@ -221,15 +205,12 @@ class Anisotropy(BodyVariation, effect="anisotropy", unit="1"):
     the modulus at the rim.
     """
 
-    angle_rad: float = 0.0
+    angle_rad: float = field(default=0.0, metadata=between(0.0, np.pi))
     """phi0: azimuth of the stiffest fibre, from y."""
 
     limit: ClassVar[Limit] = Limit(0.5, "a remount by 90 degrees")
+    first_size: ClassVar[float] = 0.03
     grades: ClassVar[tuple[str, ...]] = (COS2, SIN2)
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Anisotropy:
-        return cls(0.03, angle_rad=float(random.uniform(0.0, np.pi)))
 
     def wrench(self, step: F, at: Conditions) -> F:
         twice = 2.0 * (self.angle_rad + at.mount_rad)[:, None]

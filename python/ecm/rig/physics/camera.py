@@ -6,7 +6,7 @@ not survive the first look at the data; half a second is seen against the arm's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -22,7 +22,8 @@ from ecm.rig.physics.true_effect import (
     Random,
     RigScale,
     balanced_direction,
-    random_sign,
+    between,
+    drawn,
     unit_vector,
 )
 
@@ -187,18 +188,15 @@ class TimeSkew(Clock, effect="time_skew", unit="s"):
     the wrench is that of another place on the way. `size` is the delay when the campaign begins.
     """
 
-    creep: float = 0.0
+    creep: float = field(default=0.0, metadata=between(-0.3, 0.3))
     """Growth of the delay until the end, as a share of it."""
-    end_s: float = 1.0
+    end_s: float = field(default=1.0, metadata=drawn(lambda random, rig: rig.duration_s))
 
     limit: ClassVar[Limit] = Limit(
         0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"
     )
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> TimeSkew:
-        delay = random_sign(random) * 0.02
-        return cls(delay, creep=float(random.uniform(-0.3, 0.3)), end_s=rig.duration_s)
+    first_size: ClassVar[float] = 0.02
+    either_sign: ClassVar[bool] = True
 
     def read_s(self, stamp_s: F) -> F:
         return stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)

@@ -7,7 +7,7 @@ mechanism's own (a stop of 300 is a wall).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +22,7 @@ from ecm.rig.physics.true_effect import (
     Random,
     RigScale,
     TrueEffect,
+    between,
 )
 
 
@@ -37,7 +38,7 @@ class LiftOff(Clamp, effect="debonding", name="lift_off", unit="rad/(N m)"):
 
     radius_m: float = 0.033
     """R."""
-    opening_N: float = 20.0
+    opening_N: float = field(default=20.0, metadata=between(10.0, 30.0))
     """q0: tensile force at which the joint is open."""
     bending_share: float = 0.3
     """How much of the bending stress counts beside the axial one."""
@@ -48,10 +49,7 @@ class LiftOff(Clamp, effect="debonding", name="lift_off", unit="rad/(N m)"):
     tolerance: ClassVar[float] = 1e-11
     tilt_limit_rad: ClassVar[float] = 1.0
     half_steps: ClassVar[bool] = True  # the joint opens and closes again otherwise
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> LiftOff:
-        return cls(1e-4, opening_N=float(random.uniform(10.0, 30.0)))
+    first_size: ClassVar[float] = 1e-4
 
     def motion(self, wrenches: F, length_m: float) -> F:
         axial, moment = wrenches[:, 0], wrenches[:, 3:]
@@ -74,27 +72,18 @@ class BasePlate(Clamp, effect="base_compliance", name="base_plate", unit="rad/(N
     rotation compliance about the two lateral axes.
     """
 
-    uneven: float = 0.0
+    uneven: float = field(default=0.0, metadata=between(-0.2, 0.2))
     """The two lateral rotation compliances are size (1 +- uneven)."""
-    twist_share: float = 0.2
+    twist_share: float = field(default=0.2, metadata=between(0.1, 0.4))
     """Rotation compliance about the axis, as a share of `size`."""
-    lateral_share: float = 0.05
+    lateral_share: float = field(default=0.05, metadata=between(0.02, 0.08))
     """Lateral translation compliance over size L^2."""
-    axial_share: float = 0.01
+    axial_share: float = field(default=0.01, metadata=between(0.0, 0.02))
     """Axial translation compliance over size L^2."""
 
     limit: ClassVar[Limit] = Limit(0.4, "larger poses")
     part: ClassVar[str] = "base plate"
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> BasePlate:
-        return cls(
-            1e-3,
-            uneven=float(random.uniform(-0.2, 0.2)),
-            twist_share=float(random.uniform(0.1, 0.4)),
-            lateral_share=float(random.uniform(0.02, 0.08)),
-            axial_share=float(random.uniform(0.0, 0.02)),
-        )
+    first_size: ClassVar[float] = 1e-3
 
     def compliance(self, length_m: float) -> F:
         """Diagonal (6,): m/N, then rad/(N m)."""

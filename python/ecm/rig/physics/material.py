@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -18,14 +18,15 @@ import numpy as np
 from ecm.io.arrays import B, F
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
+    MEAN_TEMPERATURE,
     Conditions,
     Limit,
     MaterialFactor,
     MaterialMemory,
     Random,
     RigScale,
+    between,
     metric_root,
-    random_sign,
 )
 
 _KELVIN = 273.15
@@ -44,14 +45,12 @@ class Temperature(MaterialFactor, effect="temperature_modulus", name="temperatur
     the modulus per kelvin at T0, from which A follows: d ln h/dT = -A/T0^2 + 1/T0.
     """
 
-    reference_degC: float = 22.0
+    reference_degC: float = field(default=22.0, metadata=MEAN_TEMPERATURE)
     """T0."""
 
     limit: ClassVar[Limit] = Limit(0.1, "a warm-up between the poses")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Temperature:
-        return cls(random_sign(random) * 0.01, reference_degC=rig.mean_temperature_degC)
+    first_size: ClassVar[float] = 0.01
+    either_sign: ClassVar[bool] = True
 
     def factor(self, at: Conditions) -> F:
         absolute = at.temperature_degC + _KELVIN
@@ -67,14 +66,11 @@ class Ageing(MaterialFactor, effect="ageing", unit="1"):
     h -> h (1 + a log(1 + t/tau) / log 2): `size` is a, the relative change at t = tau.
     """
 
-    time_s: float = 3600.0
+    time_s: float = field(default=3600.0, metadata=between(0.5, 2.0, of="duration_s"))
     """tau."""
 
     limit: ClassVar[Limit] = Limit(0.5, "a longer campaign, the first poses again at its end")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Ageing:
-        return cls(0.02, time_s=float(random.uniform(0.5, 2.0)) * rig.duration_s)
+    first_size: ClassVar[float] = 0.02
 
     def factor(self, at: Conditions) -> F:
         return np.asarray(1.0 + self.size * np.log1p(at.time_s / self.time_s) / np.log(2.0))
@@ -199,14 +195,11 @@ class Softening(MaterialFactor, effect="mullins_softening", name="softening", un
     `size` is 1/r, the share that is lost far below the largest energy.
     """
 
-    energy_J: float = 0.5
+    energy_J: float = field(default=0.5, metadata=between(0.3, 1.0, of="energy_J"))
     """m: width of the transition."""
 
     limit: ClassVar[Limit] = Limit(0.6, "small poses again after large ones")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Softening:
-        return cls(0.05, energy_J=float(random.uniform(0.3, 1.0)) * rig.energy_J)
+    first_size: ClassVar[float] = 0.05
 
     def factor(self, at: Conditions) -> F:
         work = np.sum(at.elastic_wrenches() * (at.poses - at.rest), axis=1)
@@ -233,23 +226,15 @@ class Hysteresis(MaterialMemory, effect="hysteresis", unit="m"):
     displacement whose elastic wrench friction can hold.
     """
 
-    yield_m: float = 3e-3
+    yield_m: float = field(default=3e-3, metadata=between(0.02, 0.05, of="length_m"))
     """u: path after which friction has turned over."""
-    exponent: float = 1.5
+    exponent: float = field(default=1.5, metadata=between(1.2, 2.0))
     """n: how sharp the transition is."""
-    beta: float = 0.6
+    beta: float = field(default=0.6, metadata=between(0.5, 0.8))
     """Share of the symmetric part: 1/2 makes unloading as stiff as loading."""
 
     limit: ClassVar[Limit] = Limit(0.05, "approaches from several sides, poses measured twice")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Hysteresis:
-        return cls(
-            1e-4,
-            yield_m=float(random.uniform(0.02, 0.05)) * rig.length_m,
-            exponent=float(random.uniform(1.2, 2.0)),
-            beta=float(random.uniform(0.5, 0.8)),
-        )
+    first_size: ClassVar[float] = 1e-4
 
     def memory_wrench(self, at: Conditions) -> F:
         # The states do not depend on the size, which the calibration of a strength varies.

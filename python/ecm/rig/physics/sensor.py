@@ -7,7 +7,7 @@ half of the hysteresis are beyond any data sheet; such a sensor is repaired, not
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from ecm.io.arrays import F
 from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
+    DIRECTION,
     SENSOR_SCALE,
     Conditions,
     Limit,
@@ -23,6 +24,8 @@ from ecm.rig.physics.true_effect import (
     SensorFrame,
     SensorReading,
     balanced_direction,
+    between,
+    drawn,
     unit_vector,
 )
 
@@ -186,14 +189,11 @@ class SensorStrain(SensorReading, effect="fts_offset", name="sensor_strain", uni
     scaled by LEVER_M.
     """
 
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    direction: tuple[float, ...] = field(default=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), metadata=DIRECTION)
     """In sensor axes: force directions, then torque directions over LEVER_M."""
 
     limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorStrain:
-        return cls(0.5, direction=balanced_direction(random))
+    first_size: ClassVar[float] = 0.5
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         strain: F = self.size * SENSOR_SCALE * np.asarray(self.direction)
@@ -212,26 +212,16 @@ class SensorWarmUp(SensorReading, effect="fts_drift", name="sensor_warm_up", uni
     of the change when warm.
     """
 
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    direction: tuple[float, ...] = field(default=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), metadata=DIRECTION)
     """In sensor axes: force directions, then torque directions over LEVER_M."""
-    time_s: float = 3600.0
+    time_s: float = field(default=3600.0, metadata=between(1.0, 3.0, of="duration_s"))
     """tau."""
-    wander: float = 0.0
+    wander: float = field(default=0.0, metadata=between(0.0, 0.05))
     """Standard deviation of the slow random part as a share of the change."""
-    later_readings_lost: bool = False
+    later_readings_lost: bool = field(default=False, metadata=drawn(lambda random, rig: True))
     """Only the first unloaded reading is subtracted."""
 
     limit: ClassVar[Limit] = Limit(0.25, "a longer campaign")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorWarmUp:
-        return cls(
-            1.0,
-            direction=balanced_direction(random),
-            time_s=float(random.uniform(1.0, 3.0)) * rig.duration_s,
-            wander=float(random.uniform(0.0, 0.05)),
-            later_readings_lost=True,
-        )
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         warm = -np.expm1(-at.time_s / self.time_s)[:, None] * np.asarray(self.direction)
@@ -248,16 +238,15 @@ class SensorThermal(SensorReading, effect="fts_thermal_drift", name="sensor_ther
     No unloaded reading corrects it. `size` is the force part per kelvin at T0.
     """
 
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    direction: tuple[float, ...] = field(default=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), metadata=DIRECTION)
     """In sensor axes: force directions, then torque directions over LEVER_M."""
-    reference_degC: float = 28.0
+    reference_degC: float = field(
+        default=28.0, metadata=drawn(lambda random, rig: rig.mean_sensor_degC)
+    )
     bend_K: float = 25.0
 
     limit: ClassVar[Limit] = Limit(0.05, "a warm-up between the poses")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorThermal:
-        return cls(0.3, direction=balanced_direction(random), reference_degC=rig.mean_sensor_degC)
+    first_size: ClassVar[float] = 0.3
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         warm = (at.sensor_temperature_degC - self.reference_degC) / self.bend_K

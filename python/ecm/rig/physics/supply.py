@@ -7,18 +7,24 @@ the body.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.se3 import rotation
 from ecm.rig.elastic import REST_INDEX
-from ecm.rig.physics.true_effect import Conditions, Limit, Random, RigScale, Supply
+from ecm.rig.physics.true_effect import (
+    Conditions,
+    Limit,
+    Random,
+    RigScale,
+    Supply,
+    between,
+    drawn,
+)
 
-T = TypeVar("T", bound="OfActuator")
-L = TypeVar("L", bound="OfLargest")
 _EVERY = -1
 
 _WARM_K = 30.0
@@ -29,17 +35,16 @@ _VALVES = 0.5
 """Share of the drawn hystereses that are of a valve; the others are of a wall."""
 
 
+_LARGEST_INPUT = drawn(lambda random, rig: rig.largest_input or 1.0)
+_ONE_OR_ALL = drawn(lambda random, rig: int(random.integers(_EVERY, rig.actuators)))
+
+
 @dataclass(frozen=True)
 class OfActuator(Supply):
     """The change of one actuator, or of all alike."""
 
-    actuator: int = _EVERY
+    actuator: int = field(default=_EVERY, metadata=_ONE_OR_ALL)
     """Number from 0 among those of its kind; -1: all."""
-
-    @classmethod
-    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
-        drawn = super().draw(random, rig)
-        return replace(drawn, actuator=int(random.integers(_EVERY, rig.actuators)))
 
     def acting(self, inputs: F, at: Conditions) -> F:
         own = np.flatnonzero([name.startswith(self.acts_on) for name in at.actuators])
@@ -69,14 +74,10 @@ class Zero(OfActuator, effect="pressure_offset", name="regulator zero", unit="Pa
 class OfLargest(OfActuator, unit="1"):
     """A change that depends on the input over the largest one."""
 
-    largest: float = 1.0
+    largest: float = field(default=1.0, metadata=_LARGEST_INPUT)
     """Largest input of the plan."""
 
     either_sign: ClassVar[bool] = True
-
-    @classmethod
-    def draw(cls: type[L], random: Random, rig: RigScale) -> L:
-        return replace(super().draw(random, rig), largest=rig.largest_input or 1.0)
 
 
 @dataclass(frozen=True)
@@ -164,14 +165,10 @@ class Lag(OfActuator, effect="regulator_lag", name="lag of a tube", unit="1"):
     `size` is the part of the last change that is still to come just after it.
     """
 
-    time_s: float = 3.0
+    time_s: float = field(default=3.0, metadata=between(6.0, 20.0))
 
     limit: ClassVar[Limit] = Limit(1.0, "several dwells, from 2 to 60 s")
     first_size: ClassVar[float] = 0.1
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Lag:
-        return replace(super().draw(random, rig), time_s=float(random.uniform(6.0, 20.0)))
 
     def given(self, inputs: F, at: Conditions) -> F:
         left = np.exp(-at.since_set_s / self.time_s)

@@ -169,6 +169,23 @@ class Limit:
     """What to plan instead of a larger size."""
 
 
+def drawn(how: Callable[[Random, RigScale], Any]) -> dict[str, Any]:
+    """Metadata of a field of an effect that is drawn, or taken from the rig."""
+    return {"drawn": how}
+
+
+def between(low: float, high: float, of: str = "") -> dict[str, Any]:
+    """The same of a number that lies between two, as shares of a scale of the rig if one is named.
+
+    Examples
+    --------
+    >>> time_s = between(2.0, 2.0, of="duration_s")["drawn"]
+    >>> time_s(np.random.default_rng(0), RigScale(0.1, 60.0, 22.0, 28.0, 0.3))
+    120.0
+    """
+    return drawn(lambda random, rig: random.uniform(low, high) * (getattr(rig, of) if of else 1.0))
+
+
 TRUE_EFFECTS: dict[str, type[TrueEffect]] = {}
 """What can be hidden, by its id in the catalogue of effects, in the order of application."""
 
@@ -213,7 +230,9 @@ class TrueEffect:
     @classmethod
     def draw(cls: type[T], random: Random, rig: RigScale) -> T:
         """A random shape with a first guess of the size; only its sign is used."""
-        return cls(random_sign(random) * cls.first_size if cls.either_sign else cls.first_size)
+        size = random_sign(random) * cls.first_size if cls.either_sign else cls.first_size
+        shape = {f.name: f.metadata["drawn"] for f in fields(cls) if "drawn" in f.metadata}
+        return cls(size, **{name: how(random, rig) for name, how in shape.items()})
 
     def resized(self: T, size: float) -> T:
         """The same shape at another size."""
@@ -410,6 +429,12 @@ def balanced_direction(random: Random) -> tuple[float, ...]:
     """A direction of six axes with no small entry."""
     sizes = random.uniform(0.4, 1.0, 6) * random.choice([-1.0, 1.0], 6)
     return tuple((sizes / np.linalg.norm(sizes)).tolist())
+
+
+DIRECTION = drawn(lambda random, rig: balanced_direction(random))
+"""Metadata of a field that holds a balanced direction."""
+MEAN_TEMPERATURE = drawn(lambda random, rig: rig.mean_temperature_degC)
+"""Metadata of a field that holds the temperature about which the effect is 0."""
 
 
 def random_sign(random: Random) -> float:

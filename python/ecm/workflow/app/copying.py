@@ -175,11 +175,8 @@ def _parameters(model: Model) -> TableBlock | None:
         ends = (scale * (own.value - half), scale * (own.value + half))
         rows.append([what, short, scale * own.value, *ends, unit])
     header = ("of", "parameter", "value", "from", "to", "unit")
-    return (
-        TableBlock("95 of 100 times the true value lies between the two.", header, rows)
-        if rows
-        else None
-    )
+    table = TableBlock("95 of 100 times the true value lies between the two.", header, rows)
+    return table if rows else None
 
 
 def archive_of(folder: Path) -> bytes:

@@ -25,13 +25,8 @@ from ecm.workflow.app.journal import DiskError, Step, writing
 from ecm.workflow.app.session import INTERRUPTED, Session
 from ecm.workflow.app.views import Given, compute_view
 
-FOLLOWED_BY = {
-    "example": "check",
-    "campaign": "check",
-    "import": "check",
-    "fit": "compare",
-    "refit": "compare",
-}
+FOLLOWED_BY = dict.fromkeys(("example", "campaign", "import"), "check")
+FOLLOWED_BY |= dict.fromkeys(("fit", "refit"), "compare")
 """What is computed next without a click: the page shows it beside the result."""
 _WATCHED = {"ECM_READING_S": "0.02", "PYTHONUNBUFFERED": "1"}
 """A person looks on: no reading of the rig is too fast."""
@@ -163,9 +158,7 @@ class Jobs:
             "step": job.step.number,
             "seconds": time.time() - job.begun_s,
             "what": "",
-            "done": None,
-            "total": None,
-            "left_s": None,
+            **dict.fromkeys(("done", "total", "left_s")),
             "automatic": job.automatic,
             "waiting": self._waiting,
         }

@@ -221,13 +221,12 @@ class App:
     def live(self, row: int) -> dict[str, Any]:
         """Return what the campaign that runs, or the run that is followed, tells after a row."""
         steps = reversed(self.session.journal.read().steps.values())
-        for step in steps:
-            if step.status == "running" and step.argv[:1] == ["campaign"]:
-                path, name = self.session.log_path(step.number, "events"), ""
-                break
+        running = (s for s in steps if s.status == "running" and s.argv[:1] == ["campaign"])
+        if step := next(running, None):
+            path, name = self.session.log_path(step.number, "events"), ""
+        elif self.follow is None:
+            return {"of": None}
         else:
-            if self.follow is None:
-                return {"of": None}
             path, name = live_path(self.follow), self.follow.name
         found = self._follower.after(path, row)
         if found["begun"]:

@@ -165,10 +165,9 @@ class Session:
 
     def log(self, number: int, kind: str) -> bytes:
         """Return what the command of a step printed, `out` or `err`, or told, `events`."""
-        try:
+        with suppress(OSError):
             return self.log_path(number, kind).read_bytes()
-        except OSError:
-            return b""
+        return b""
 
     def log_path(self, number: int, kind: str) -> Path:
         """Return where that is."""
@@ -193,20 +192,16 @@ class Session:
         """Return the JSON document of a step, with its number."""
         names = [] if step is None else step.outputs
         report = next((n for n in names if n.endswith(".json") and not n.startswith("model-")), "")
-        try:
+        with suppress(OSError, ValueError):
             document = json.loads((self.folder / report).read_bytes())
-        except (OSError, ValueError):
-            return None
-        return {**document, "step": None if step is None else step.number}
+            return {**document, "step": None if step is None else step.number}
+        return None
 
     def opened(self, history: History, files: Files) -> Step | None:
         """Return the last step that opened the truth of these tables; undo does not close it."""
         sealed = {self._truth(name) for name in files.data} - {None}
-        for step in reversed(history.steps.values()):
-            opened = step.verb == "reveal" and step.status == "done"
-            if opened and self._truth(step.argv[1]) in sealed:
-                return step
-        return None
+        opened = [s for s in history.steps.values() if (s.verb, s.status) == ("reveal", "done")]
+        return next((s for s in reversed(opened) if self._truth(s.argv[1]) in sealed), None)
 
     def _truth(self, table: str) -> bytes | None:
         path = self._beside(table, TRUTH)

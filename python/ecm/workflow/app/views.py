@@ -244,11 +244,7 @@ def log(given: Given) -> dict[str, Any]:
 
 
 VIEWS: dict[str, Callable[[Given], dict[str, Any]]] = {
-    "poses": poses,
-    "residuals": residuals,
-    "effects": effects,
-    "actuation": actuation,
-    "log": log,
+    view.__name__: view for view in (poses, residuals, effects, actuation, log)
 }
 """What the page may ask for by name."""
 
