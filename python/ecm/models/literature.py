@@ -117,8 +117,7 @@ class GpMap(_Learned):
     weights: F
     """(N, m)."""
 
-    name = "gp"
-    kind = "gp"
+    name = kind = "gp"
 
     @property
     def coefficients(self) -> F:
@@ -153,8 +152,7 @@ class MlpMap(_Learned):
     layers: tuple[tuple[F, F], ...]
     """Matrix (in, out) and shift (out) of each."""
 
-    name = "mlp"
-    kind = "mlp"
+    name = kind = "mlp"
 
     @property
     def coefficients(self) -> F:
@@ -388,8 +386,7 @@ class _Backbone(SixAxisMap):
 class ConstantCurvatureMap(_Backbone):
     """An arc with three springs k_e, k_b, k_t; the wrench is linear in them."""
 
-    name = "constant-curvature"
-    kind = "constant-curvature"
+    name = kind = "constant-curvature"
     names = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
 
     def columns(self, poses: F) -> F:
@@ -444,8 +441,7 @@ def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
 class RodMap(_Backbone):
     """A Cosserat rod with section stiffnesses EA, GA (N), EI, GJ (N m^2)."""
 
-    name = "rod"
-    kind = "rod"
+    name = kind = "rod"
     names = ROD_SECTIONS
 
     def predict(self, poses: F) -> F:
