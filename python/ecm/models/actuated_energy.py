@@ -555,13 +555,14 @@ class Held:
     def nearest(self, start: F, weights: F | None = None) -> F:
         """(m,) inputs of least squares of what is left."""
         unit = self.unit if weights is None else weights
-        found = least_squares(
-            lambda a: self.left(a) * unit,
-            start,
-            jac=lambda a: self.slope(a) * unit[:, None],
-            bounds=tuple(self.bounds.T),
-            x_scale="jac",
-        )
+
+        def left(a: F) -> F:
+            return self.left(a) * unit
+
+        def slope(a: F) -> F:
+            return self.slope(a) * unit[:, None]
+
+        found = least_squares(left, start, jac=slope, bounds=tuple(self.bounds.T), x_scale="jac")
         return np.asarray(found.x)
 
     def closest(self) -> tuple[F, F]:
