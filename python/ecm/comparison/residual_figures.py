@@ -58,20 +58,12 @@ def residual_figure(
     layout = draw.component_layout(maps.outputs, None if predicted is None else "")
     layout["annotations"].append(_x_title(variable))
     last = len(layout["annotations"]) - 1
-    names = list(maps.variables)
-    menus = [
-        _menu(0.0, [
-            {
-                "label": draw.plain(name),
-                "method": "update",
-                "args": [
-                    {"x": [draw.short(maps.variables[name][maps.drawn])]},
-                    {f"annotations[{last}].text": _x_title(name)["text"]},
-                ],
-            }
-            for name in names
-        ], names.index(variable))
-    ]  # fmt: skip
+    buttons = []
+    for name, own in maps.variables.items():
+        title = {f"annotations[{last}].text": _x_title(name)["text"]}
+        args = [{"x": [draw.short(own[maps.drawn])]}, title]
+        buttons.append({"label": draw.plain(name), "method": "update", "args": args})
+    menus = [_menu(0.0, buttons, list(maps.variables).index(variable))]
     if predicted is None:
         over = f"over {maps.noise_word}"
         kinds = [(key, unit) for key in maps.physical for unit in (over, "in its unit")]

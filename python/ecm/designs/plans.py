@@ -360,11 +360,7 @@ def _distinct(data: Table) -> tuple[F, I]:
     """Mean measured pose and inputs of each pose_id, in order of the first visit, and the ids."""
     measured = data.measured()
     rows = measured.matrix((*POSE, *measured.actuation_columns))
-    own = (
-        measured.column("pose_id").astype(np.int64)
-        if measured.has("pose_id")
-        else np.arange(len(measured))
-    )
+    own = _ids_of(measured).astype(np.int64)
     ids, first = np.unique(own, return_index=True)
     ids = ids[np.argsort(first)]
     return np.stack([rows[own == i].mean(axis=0) for i in ids]), ids

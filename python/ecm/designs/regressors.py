@@ -443,9 +443,7 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
             f"{', '.join(settings.columns)}: take a polynomial, as --model cubic"
         )
     if model == "physics":
-        return np.asarray(
-            _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
-        )
+        return _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
     if length_m is None and base is not None:
         length_m = base.base.length_m
     if length_m is None:
@@ -474,12 +472,9 @@ def _with_effects(
     blocks: F, poses: F, base: NominalModel, effects: Sequence[Effect]
 ) -> tuple[F, F]:
     columns, scales = base.effect_columns(poses, effects)
-    k = blocks.shape[2]
-    joined = np.concatenate([blocks, columns], axis=2)
-    prior = np.zeros((k + len(scales), k + len(scales)))
     # What the base absorbs stays determined by the prior alone.
-    prior[np.arange(k, k + len(scales)), np.arange(k, k + len(scales))] = (_FAR * scales) ** -2.0
-    return joined, prior
+    prior = np.concatenate([np.zeros(blocks.shape[2]), (_FAR * scales) ** -2.0])
+    return np.concatenate([blocks, columns], axis=2), np.diag(prior)
 
 
 def _polynomial(candidates: F, poses: F, degree: int) -> F:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
 from ecm.effects.protocol import correction_of
@@ -107,13 +105,8 @@ def prepare(
 
 def without_effects(effects: Sequence[FittedEffect], rows: Rows) -> Table:
     """Return the table of rows without what fitted effects explain."""
-    table = rows.table
     if not effects:
-        return table
+        return rows.table
     correction = sum(correction_of(item.effect, rows, item.values) for item in effects)
-    return table.with_columns(
-        {
-            name: table.column(name) - np.asarray(correction)[:, j]
-            for j, name in enumerate(rows.base.outputs)
-        }
-    )
+    left = rows.table.matrix(rows.base.outputs) - correction
+    return rows.table.with_columns(dict(zip(rows.base.outputs, left.T.copy(), strict=True)))

@@ -245,8 +245,7 @@ def all_score_columns(
 
 def score_columns(rows: Rows, whitener: Whitener, effect: Effect) -> F:
     """Return (N, m, k) whitened derivative of the effect's correction at zero."""
-    jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
-    return whitener @ jacobian
+    return whitener @ jacobian_of(effect, rows)
 
 
 def _half_way(

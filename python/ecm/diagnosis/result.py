@@ -291,14 +291,9 @@ class Diagnosis(Shown):
         """The report without its summary."""
         known = fields_json(self)
         sentence = f"{known['model']['sentence']} {verdict_sentence(known)}{source_of_noise(known)}"
-        return (
-            {"schema": 1, "seed": self.seed, "sentence": sentence}
-            | known
-            | {
-                "partial": [item.id for item in self.effects] if self.unknown else [],
-                "outliers": [row + 1 for row in self.outliers],
-            }
-        )
+        head = {"schema": 1, "seed": self.seed, "sentence": sentence}
+        partial = [item.id for item in self.effects] if self.unknown else []
+        return head | known | {"partial": partial, "outliers": [row + 1 for row in self.outliers]}
 
 
 def report(
@@ -475,8 +470,8 @@ def _component_errors(
 
     floor: dict[str, float] = {}
     if not problem.noise.is_assumed:
-        covariance = problem.noise.covariance(problem.rows, problem.base.error)
-        floor = by_name(np.sqrt(np.einsum("nii->ni", covariance)[problem.scored].mean(axis=0)))
+        variance = problem.noise.variances(problem.rows, problem.base.error)
+        floor = by_name(np.sqrt(variance[problem.scored].mean(axis=0)))
     reached = {} if ceiling is None else by_name(ceiling.components)
     return ComponentErrors(before, by_name(problem.rms(final.residual)), floor, reached)
 

@@ -26,7 +26,7 @@ from ecm.regression.history import largest_so_far, memory_options, order_of_visi
 from ecm.regression.rows import Rows
 
 _LEAST_AGAIN = 5
-SOON = 0.35
+_SOON = 0.35
 """Shortest time that is tried for what settles, over that of the table."""
 _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 """Widths that are tried, over the median; 0: a straight line."""
@@ -53,7 +53,7 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 def settling_times(table: Table) -> tuple[float, ...]:
     """Times that are tried for what settles; the first is infinite: a steady change."""
     span = float(np.ptp(table.column("time_s")))
-    return np.inf, *(round(span * share, 1) for share in (SOON, 1.0))
+    return np.inf, *(round(span * share, 1) for share in (_SOON, 1.0))
 
 
 def settled(time_s: F, tau_s: float) -> F:
@@ -156,7 +156,22 @@ class ThermalExpansion(OfTemperature):
 
 
 @dataclass(eq=False)
-class Ageing(TimedEffect):
+class Settling(LinearEffect):
+    """What grows with g(t) = t, or with tau (1 - exp(-t / tau)) where it settles."""
+
+    needs = "time (time_s)"
+    grows_with_time = True
+
+    tau_s: float = optional(np.inf)
+    """Time in which it settles; infinite for a steady change."""
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Times between this one and its neighbours; none of a steady change."""
+        return self.nearby("tau_s", _SOON ** -(0.5 ** (round_ + 1)))
+
+
+@dataclass(eq=False)
+class Ageing(Settling, TimedEffect):
     """h (1 + alpha g(t)), g(t) = t, or tau (1 - exp(-t / tau)) for a material that settles.
 
     Parameters: alpha: share of the stiffness gained per second at the start.
@@ -170,20 +185,11 @@ class Ageing(TimedEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
-    needs = "time (time_s)"
-    grows_with_time = True
     rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
-
-    tau_s: float = optional(np.inf)
-    """Time in which it settles; infinite for a steady change."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Steady, and settling within the campaign."""
         return tuple(Ageing(tau) for tau in settling_times(table))
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between this one and its neighbours; none of a steady change."""
-        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def columns(self, rows: Rows) -> F:
         """g(t) h."""

@@ -70,13 +70,23 @@ def _range(table: Table, name: str) -> tuple[float, float]:
 
 
 @dataclass(eq=False)
-class Kink(LinearEffect):
+class _OfPairs(LinearEffect):
+    """What follows the pose alone, of pairs of a pose and a wrench column."""
+
+    of: str
+
+    needs = f"{_LEAST_ROWS} rows"
+    requires = (_needs_rows,)
+    most_absorbed = _MOST_ABSORBED
+
+
+@dataclass(eq=False)
+class Kink(_OfPairs):
     """k max(0, p - c): from the pose c on the stiffness is larger or smaller by k.
 
     Parameters: stiffness_*: how much stiffer it is beyond the kink.
     """
 
-    of: str
     at: float
     """Pose c of the kink, m or rad."""
 
@@ -87,9 +97,6 @@ class Kink(LinearEffect):
         "what touches there, seen by eye; the same poses with that part taken off",
     )
     signature = "a straight piece on either side of one pose"
-    needs = f"{_LEAST_ROWS} rows"
-    requires = (_needs_rows,)
-    most_absorbed = _MOST_ABSORBED
 
     def __post_init__(self) -> None:
         self.parameters = per_pair(self.of, "stiffness", "{}")
@@ -121,13 +128,12 @@ class Kink(LinearEffect):
 
 
 @dataclass(eq=False)
-class DeadZone(LinearEffect):
+class DeadZone(_OfPairs):
     """-k clip(p - c, -w, w): within w of the pose c the stiffness is smaller by k.
 
     Parameters: slack_*: how much softer it is within the zone.
     """
 
-    of: str
     at: float
     """Middle c of the zone, m or rad."""
     width: float
@@ -140,9 +146,6 @@ class DeadZone(LinearEffect):
         "small steps both ways inside the zone, with a second sensor or by hand",
     )
     signature = "a flat piece between two straight ones"
-    needs = f"{_LEAST_ROWS} rows"
-    requires = (_needs_rows,)
-    most_absorbed = _MOST_ABSORBED
 
     def __post_init__(self) -> None:
         self.parameters = per_pair(self.of, "slack", "{}", lower=0.0)
@@ -179,13 +182,12 @@ class DeadZone(LinearEffect):
 
 
 @dataclass(eq=False)
-class HigherDegree(LinearEffect):
+class HigherDegree(_OfPairs):
     """Powers of each pose column from the fourth on, which a cubic lacks.
 
     Parameters: power*: what this power of the pose column adds at the end of its range.
     """
 
-    of: str
     degree: int = setting(low=3, high=30)
     """Largest power."""
     middle: str = setting()
@@ -198,9 +200,6 @@ class HigherDegree(LinearEffect):
         "the sensor alone with known weights; a model of the mechanics in place of a polynomial",
     )
     signature = "smooth in the pose, the same on every visit"
-    needs = f"{_LEAST_ROWS} rows"
-    requires = (_needs_rows,)
-    most_absorbed = _MOST_ABSORBED
 
     def __post_init__(self) -> None:
         stated = map(str.split, filter(None, self.middle.split(",")))

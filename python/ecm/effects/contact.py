@@ -118,11 +118,7 @@ class MarkerMotion(TimedEffect):
     needs = "time (time_s)"
     grows_with_time = True
     side = "measurement"
-    rivals = {
-        "fts_drift": "base_marker",
-        "permanent_set": "base_marker",
-        "platform_slip": "base_marker",
-    }
+    rivals = dict.fromkeys(("fts_drift", "permanent_set", "platform_slip"), "base_marker")
 
     course: str = "ramp"
     """Motion over time: `ramp`, `settling` with its time constant, or `step` with its time."""

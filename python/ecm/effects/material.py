@@ -28,7 +28,7 @@ from ecm.effects.rod import (
     thicker_beam,
     wrench_of,
 )
-from ecm.io.arrays import F, rms_of_columns
+from ecm.io.arrays import F, lstsq, rms_of_columns
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
@@ -176,9 +176,7 @@ class StrainStiffening(LinearEffect):
         size = np.linalg.norm(wrench, axis=1)
         known = np.stack([np.ones_like(size), size / size.std(), pull / pull.std()], axis=1)
         # Rows weigh by their squared load: where there is none, the share means nothing.
-        slopes = np.linalg.lstsq(
-            known * size[:, None], (correction * wrench).sum(axis=1) / size, rcond=None
-        )[0]
+        slopes = lstsq(known * size[:, None], (correction * wrench).sum(axis=1) / size)
         where = ("at large loads", "in tension than in compression")
         by = 1 + int(np.argmax(np.abs(slopes[1:])))
         return f"{'stiffer' if slopes[by] > 0.0 else 'softer'} {where[by - 1]}"
@@ -245,10 +243,7 @@ class Compressibility(Effect):
         "pure torsion and pure tension of a plain bar of the same material",
     )
     signature = "m = 0, conservative; torsion and shear against axial and bending"
-    rivals = {
-        "diameter_error": "pure_torsion_and_axial",
-        "strain_stiffening": "pure_torsion_and_axial",
-    }
+    rivals = dict.fromkeys(("diameter_error", "strain_stiffening"), "pure_torsion_and_axial")
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the other nu, or of the stretched energy, minus that of the base."""

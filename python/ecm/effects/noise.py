@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_twelve
+from ecm.effects.protocol import Effect, LookAlike, Missing, Parameter, needs_figure, needs_twelve
 from ecm.io.arrays import F
 from ecm.io.se3 import wrench_adjoint
 from ecm.io.table import Table
@@ -22,13 +22,6 @@ def needs_repeats(table: Table) -> Missing | None:
     repeats = repeat_visits(table)
     if repeats < _LEAST_REPEATS:
         return Missing(f"{repeats} repeats", "repeats at small and large poses")
-    return None
-
-
-def needs_resolution(table: Table) -> Missing | None:
-    """Missing where the sensor's steps are not known."""
-    if table.meta.instrument.fts_resolution is None:
-        return Missing("the sensor's steps are not known", "[instrument] fts_resolution")
     return None
 
 
@@ -135,7 +128,7 @@ class FtsQuantisation(NoiseEffect):
     outside = LookAlike("any reading in steps: a rounded file, a slow logger", "the raw counts")
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
-    requires = (needs_resolution, needs_twelve)
+    requires = (needs_figure("fts_resolution", "the sensor's steps are"), needs_twelve)
     rivals = {"heteroscedastic_noise": "longer_average"}
 
     def variance(self, rows: Rows, values: F) -> F:

@@ -187,6 +187,16 @@ def needs_varying(name: str, smallest_range: float) -> Need:
     return need
 
 
+def needs_figure(name: str, what: str) -> Need:
+    """Missing where [instrument] does not state a figure of the sensor."""
+
+    def need(table: Table) -> Missing | None:
+        known = getattr(table.meta.instrument, name) is not None
+        return None if known else Missing(f"{what} not known", f"[instrument] {name}")
+
+    return need
+
+
 class Effect:
     """One physical effect of the catalogue (listed by `ecm effects`) or of your own.
 
@@ -340,8 +350,9 @@ def correction_of(effect: Effect, rows: Rows, values: F) -> F:
     return _evaluated(effect, effect.correction, rows, values)
 
 
-def jacobian_of(effect: Effect, rows: Rows, values: F) -> F:
+def jacobian_of(effect: Effect, rows: Rows, values: F | None = None) -> F:
     """(N, m, k) derivative of the correction, with the history of all rows of their table."""
+    values = np.zeros(len(effect.parameters)) if values is None else values
     return _evaluated(effect, effect.jacobian, rows, values)
 
 
@@ -349,7 +360,7 @@ def linear_columns(effect: Effect, rows: Rows) -> F | None:
     """(N, m, k) columns of a linear effect, whatever its values; None of another."""
     if type(effect).correction is not LinearEffect.correction:
         return None
-    return jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
+    return jacobian_of(effect, rows)
 
 
 def _evaluated(effect: Effect, function: Callable[[Rows, F], F], rows: Rows, values: F) -> F:

@@ -136,9 +136,8 @@ def flange_from_top(table: Table) -> F | Missing:
     ]
     tool, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
     motion = np.array([rms(poses[:, :3] - poses[:, :3].mean(axis=0)), _rms_rotation(poses)])
-    if np.any(
-        spread > np.maximum(_MAX_RESIDUAL * motion, 10.0 * np.array([_MIN_SD_M, _MIN_SD_RAD]))
-    ):
+    least = 10.0 * np.array([_MIN_SD_M, _MIN_SD_RAD])
+    if np.any(spread > np.maximum(_MAX_RESIDUAL * motion, least)):
         return Missing(
             "joints and poses do not belong to one arm of known kinematics (KUKA LWR 4+): "
             f"{1e3 * spread[0]:.2g} mm and {1e3 * spread[1]:.2g} mrad remain",
@@ -264,9 +263,8 @@ def _wrench_of_motion(rows: Rows, motion: F) -> F:
 def _softening(rows: Rows, motion: F, values: F) -> F:
     """(N, 6, 6) I + M."""
     in_base = rows.base_from_top @ motion
-    return np.asarray(
-        np.eye(6) + _wrench_of_motion(rows, motion * values) @ np.swapaxes(in_base, 1, 2)
-    )
+    yielding = _wrench_of_motion(rows, motion * values) @ np.swapaxes(in_base, 1, 2)
+    return np.asarray(np.eye(6) + yielding)
 
 
 def _remaining_wrench(rows: Rows, softening: F) -> F:
@@ -308,9 +306,8 @@ class RobotCompliance(_JointEffect):
         softening = _softening(rows, motion, values)
         own = np.einsum("nji,nj->ni", rows.base_from_top, _remaining_wrench(rows, softening))
         torque = np.einsum("nij,ni->nj", motion, own)
-        return np.asarray(
-            -np.linalg.solve(softening, _wrench_of_motion(rows, motion) * torque[:, None, :])
-        )
+        moved = _wrench_of_motion(rows, motion) * torque[:, None, :]
+        return np.asarray(-np.linalg.solve(softening, moved))
 
 
 class Backlash(_JointEffect, LinearEffect):
@@ -410,10 +407,9 @@ class JointOffset(_JointEffect, LinearEffect):
     )
     signature = "smooth in the joints"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-    rivals = {
-        "tip_frame_misalignment": "camera_calibration",
-        "base_frame_misalignment": "camera_calibration",
-    }
+    rivals = dict.fromkeys(
+        ("tip_frame_misalignment", "base_frame_misalignment"), "camera_calibration"
+    )
 
     def columns(self, rows: Rows) -> F:
         """One column per joint."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ecm.effects.ageing import SOON, settled, settling_times
+from ecm.effects.ageing import Settling, settled, settling_times
 from ecm.effects.contact import twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
@@ -25,6 +25,7 @@ from ecm.effects.protocol import (
     Parameter,
     beside,
     listed,
+    needs_figure,
     needs_full,
     needs_time,
     needs_varying,
@@ -162,7 +163,7 @@ class FtsOffset(CourseEffect):
 
 
 @dataclass(eq=False)
-class FtsDrift(CourseEffect):
+class FtsDrift(Settling, CourseEffect):
     """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
 
     Zeroed at the start of `each` campaign: B b (g(t) - g(t_begin)).
@@ -178,15 +179,11 @@ class FtsDrift(CourseEffect):
         "the unloaded zero again and again",
     )
     signature = "body axes, monotone in t, the same at home, not conservative"
-    needs = "time (time_s)"
-    grows_with_time = True
     requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
     rivals = {"fts_thermal_drift": "warm_up_log", "marker_motion": "zero_every_ten_poses"}
 
-    tau_s: float = optional(np.inf)
-    """Time in which the drift settles; infinite for a steady one."""
     zeroed: str = optional("once")
     """Whether the sensor was zeroed once or at the start of `each` campaign."""
 
@@ -197,10 +194,6 @@ class FtsDrift(CourseEffect):
             outputs = ",".join(table.wrench_columns)
             return tuple(FtsDrift(tau, outputs=outputs) for tau in taus)
         return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between this one and its neighbours; none of a steady drift."""
-        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def course(self, rows: Rows) -> F:
         """g(t), or g(t) - g(t_begin)."""
@@ -284,7 +277,7 @@ class FtsThermalDrift(CourseEffect):
 
 
 @dataclass(eq=False)
-class GrowingLoad(CourseEffect):
+class GrowingLoad(Settling, CourseEffect):
     """b g(t) on each wrench column of rows with the mechanism: the sensor itself stays.
 
     g(t) = t, or tau (1 - exp(-t / tau)) for a load that settles.
@@ -301,22 +294,13 @@ class GrowingLoad(CourseEffect):
         "readings with the sensor unloaded, at the start and at the end",
     )
     signature = "monotone in t, zero without the mechanism"
-    needs = "time (time_s)"
-    grows_with_time = True
     requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
-
-    tau_s: float = optional(np.inf)
-    """Time in which the load settles; infinite for a steady growth."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """On each wrench column, steady and settling."""
         outputs = ",".join(table.wrench_columns)
         return tuple(GrowingLoad(tau_s=tau, outputs=outputs) for tau in settling_times(table))
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between this one and its neighbours; none of a steady growth."""
-        return self.nearby("tau_s", SOON ** -(0.5 ** (round_ + 1)))
 
     def course(self, rows: Rows) -> F:
         """g(t), zero where the sensor is unloaded."""
@@ -438,10 +422,7 @@ class FtsFrame(LinearEffect):
     )
     signature = "torque proportional to lever times force; rotation mixes components"
     side = "measurement"
-    rivals = {
-        "tip_frame_misalignment": "force_at_three_points",
-        "fts_crosstalk": "force_at_three_points",
-    }
+    rivals = dict.fromkeys(("tip_frame_misalignment", "fts_crosstalk"), "force_at_three_points")
 
     def columns(self, rows: Rows) -> F:
         """Change of the wrench per unit of d and w, in body axes turned to base axes."""
@@ -452,12 +433,6 @@ class FtsFrame(LinearEffect):
             columns[:, :3, 3 + j] = np.cross(axis, in_top[:, :3])
             columns[:, 3:, 3 + j] = np.cross(axis, in_top[:, 3:])
         return np.asarray(rows.base_from_top @ columns)
-
-
-def _needs_range(table: Table) -> Missing | None:
-    if table.meta.instrument.fts_range is None:
-        return Missing("the sensor's range is not known", "[instrument] fts_range")
-    return None
 
 
 @dataclass(eq=False)
@@ -475,7 +450,7 @@ class FtsSaturation(LinearEffect):
     )
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"
-    requires = (needs_full, _needs_range)
+    requires = (needs_full, needs_figure("fts_range", "the sensor's range is"))
     side = "measurement"
     rivals = {"contact_stop": "raw_counts", "fts_gain": "dead_weights"}
 
@@ -540,11 +515,9 @@ class FtsHysteresis(LinearEffect):
     requires = (needs_time, Hysteresis().missing)
     side = "measurement"
     kind = "time"
-    rivals = {
-        "hysteresis": "load_and_unload_weights",
-        "fts_gain": "load_and_unload_weights",
-        "stress_relaxation": "load_and_unload_weights",
-    }
+    rivals = dict.fromkeys(
+        ("hysteresis", "fts_gain", "stress_relaxation"), "load_and_unload_weights"
+    )
 
     width: float = 0.3
     """Width of the play over the spread of an axis' load."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -145,8 +146,7 @@ def _loop_warnings(tests: Sequence[MaterialTest]) -> tuple[str, ...]:
     """Say where loading and unloading differ, which no elastic material does."""
     warnings = []
     for test in tests:
-        gap = _loop_gap(test)
-        if gap > _LOOP:
+        if (gap := _loop_gap(test)) > _LOOP:
             warnings.append(
                 f"{test.source or test.mode}: loading and unloading differ by {gap:.0%} of the "
                 "largest stress, and an elastic material has one curve: keep the rows up to the "
@@ -238,10 +238,8 @@ def fit_material(
     sizes = {name: len(material_start(name, 1.0, terms)) for name in MODELS}
     steps = Steps({name: _LONGER**size for name, size in sizes.items()}, progress)
     for name in MODELS:
-        try:
+        with suppress(ComputationError):
             fits.append(_fit(tests, name, terms, use, poisson_ratio, steps.within(name)))
-        except ComputationError:
-            continue
     if not fits:
         raise ComputationError("no model fits these tests: check units and columns")
     best = min(fits, key=lambda fit: fit.aicc)

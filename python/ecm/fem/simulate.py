@@ -23,7 +23,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,6 @@ class LoadCases:
         self._results: dict[int, CaseResults] = {}
         self._parts = 0
         self._warm_starts: dict[int, WarmStart | None] = {0: None}
-        self._fem: Fem | None = None
         self._workers = None if scheduler is None else DaskSolver(mechanism, threads, scheduler)
         if stage is not None:
             self._parts = stage.parts()
@@ -129,7 +128,7 @@ class LoadCases:
             if self._workers is not None:
                 self._workers.solve(loads[missing], warm_start, store, report)
             else:
-                self._body().solve_each(
+                self._body.solve_each(
                     loads[missing],
                     warm_start=warm_start,
                     threads=self._threads,
@@ -145,7 +144,7 @@ class LoadCases:
         warm_start = self._warm_start(count)
         if warm_start is None or count < _ACCURATE:
             return None
-        poses = self._body().predict_poses(np.ascontiguousarray(loads), warm_start)
+        poses = self._body.predict_poses(np.ascontiguousarray(loads), warm_start)
         rotation: F = np.linalg.norm(poses[:, 3:], axis=1)
         return rotation
 
@@ -154,10 +153,9 @@ class LoadCases:
         if self._workers is not None:
             self._workers.close()
 
+    @cached_property
     def _body(self) -> Fem:
-        if self._fem is None:
-            self._fem = self._mechanism.fem()
-        return self._fem
+        return self._mechanism.fem()
 
     def _warm_start(self, count: int) -> WarmStart | None:
         """Fit a warm start to the first `count` cases, or to fewer if that is not possible."""
@@ -170,7 +168,7 @@ class LoadCases:
             if rows:
                 loads = np.array([row["loads"] for row in rows])
                 fields = np.array([row["fields"] for row in rows])
-                warm_start = self._body().fit_warm_start(loads, fields)
+                warm_start = self._body.fit_warm_start(loads, fields)
             if warm_start is None:
                 warm_start = self._warm_start(count // 2 if count > _FIRST_BATCH else 0)
             self._warm_starts[count] = warm_start

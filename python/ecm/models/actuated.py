@@ -249,23 +249,17 @@ class ActuatedModel(ModelSpecification):
     @staticmethod
     def layout(n: int, m: int) -> Layout:
         """Layout of the family's own keys in a model file."""
-        return record(
-            {
-                "length_m": number(positive=True),
-                "parameters": record(
-                    {
-                        "actuators": items(text, least=1),
-                        "degree": number(positive=True),
-                        "order": number(positive=True),
-                        "symmetry": one_of(*SYMMETRIES),
-                        "scale": array(None, positive=True),
-                        "coefficients_J": array(None),
-                        "pure_J": array(None),
-                    }
-                ),
-            },
-            others=True,
-        )
+        parameters = {
+            "actuators": items(text, least=1),
+            "degree": number(positive=True),
+            "order": number(positive=True),
+            "symmetry": one_of(*SYMMETRIES),
+            "scale": array(None, positive=True),
+            "coefficients_J": array(None),
+            "pure_J": array(None),
+        }
+        own = {"length_m": number(positive=True), "parameters": record(parameters)}
+        return record(own, others=True)
 
     map_from_document = staticmethod(ActuatedMap.from_document)
 

@@ -369,8 +369,7 @@ class ExpressionMap(ParametrisedMap):
 
     equations: Equations
 
-    kind = "expression"
-    name = "expression"
+    name = kind = "expression"
     gives = "the equations give"
 
     @property

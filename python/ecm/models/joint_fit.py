@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -323,11 +324,9 @@ class _Data:
         # So far from the rows that numbers overflow, nothing can be evaluated.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for place in self._places(at, step, rows, squares):
-                try:
-                    # The columns, which are most of the work, only where the step ends.
+                # The columns, which are most of the work, only where the step ends.
+                with suppress(ModelError):
                     return place.at, self._at_place(place)
-                except ModelError:
-                    continue
         raise ModelError(_RAN_AWAY)
 
     def _at_place(self, place: _Place) -> _Here:
@@ -676,19 +675,14 @@ def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
 
 def nuisance_columns(rows: Rows) -> F:
     """(N, m, k) derivatives of every testable effect that can vary between repeats of a pose."""
-    blocks: list[F] = []
+    blocks = [np.zeros((len(rows), len(rows.base.outputs), 0))]
     for effect in effects_of(rows.whole.table):
         if effect.kind != "time" or effect.missing(rows.whole.table) is not None:
             continue
         try:
-            blocks += [
-                jacobian_of(variant, rows, np.zeros(len(variant.parameters)))
-                for variant in effect.variants(rows.whole.table)[:3]
-            ]
+            blocks += [jacobian_of(own, rows) for own in effect.variants(rows.whole.table)[:3]]
         except InputError:
             # Without the mechanism's length there is no rest pose: no such effect can be tested.
             if rows.has_length:
                 raise
-    if not blocks:
-        return np.zeros((len(rows), len(rows.base.outputs), 0))
     return np.concatenate(blocks, axis=2)

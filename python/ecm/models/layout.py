@@ -235,26 +235,18 @@ def _either(first: Layout, other: Layout) -> Layout:
 
 def _training(n: int, m: int, taken: int) -> Layout:
     sentence = or_null(record({"sentence": text}, others=True))
-    return record(
-        {},
-        {
-            **dict.fromkeys(("rows", "largest_leverage"), or_null(_ERROR)),
-            **dict.fromkeys(("over_noise", "residual_variance"), _ERROR),
-            "hash": or_null(text),
-            "source": or_null(text),
-            "effect_sizes": named(number()),
-            "effect_shares": named(number()),
-            "poses": _either(array(None, n), array(None, taken)),
-            "smallest_taken": flag,
-            "mean_stiffness": array(m, n),
-            "of_fit": named(_either(number(), _either(array(None), array(None, None)))),
-            "pose_error": sentence,
-            "rows_used": sentence,
-            "prior": sentence,
-            "slow_noise": sentence,
-        },
-        others=True,
-    )
+    known = {
+        **dict.fromkeys(("rows", "largest_leverage"), or_null(_ERROR)),
+        **dict.fromkeys(("over_noise", "residual_variance"), _ERROR),
+        **dict.fromkeys(("hash", "source"), or_null(text)),
+        **dict.fromkeys(("effect_sizes", "effect_shares"), named(number())),
+        **dict.fromkeys(("pose_error", "rows_used", "prior", "slow_noise"), sentence),
+        "poses": _either(array(None, n), array(None, taken)),
+        "smallest_taken": flag,
+        "mean_stiffness": array(m, n),
+        "of_fit": named(_either(number(), _either(array(None), array(None, None)))),
+    }
+    return record({}, known, others=True)
 
 
 def check_document(document: Mapping[str, Any], count: int) -> None:
@@ -278,24 +270,22 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
     of_components = isinstance(noise, dict) and "components" in noise
-    record(
-        {
-            "length_m": or_null(number(positive=True)),
-            "noise": residual if of_components else _NOISE,
-            "effects": items(_EFFECT),
-            "covariance": anything,
-            "training": _training(n, m, n + len(actuators)),
-            "domain": _domain(document["inputs"]),
-        },
-        {
-            "scene": _SCENE,
-            "conditions": named(_range),
-            "base_frozen": flag,
-            "correlations": items(row(text, text, number())),
-            "history": items(_FIT),
-        },
-        others=True,
-    )(document, "")
+    needed = {
+        "length_m": or_null(number(positive=True)),
+        "noise": residual if of_components else _NOISE,
+        "effects": items(_EFFECT),
+        "covariance": anything,
+        "training": _training(n, m, n + len(actuators)),
+        "domain": _domain(document["inputs"]),
+    }
+    optional = {
+        "scene": _SCENE,
+        "conditions": named(_range),
+        "base_frozen": flag,
+        "correlations": items(row(text, text, number())),
+        "history": items(_FIT),
+    }
+    record(needed, optional, others=True)(document, "")
     _check_covariance(document, count)
 
 

@@ -117,8 +117,7 @@ class GpMap(_Learned):
     weights: F
     """(N, m)."""
 
-    name = "gp"
-    kind = "gp"
+    name = kind = "gp"
 
     @property
     def coefficients(self) -> F:
@@ -153,8 +152,7 @@ class MlpMap(_Learned):
     layers: tuple[tuple[F, F], ...]
     """Matrix (in, out) and shift (out) of each."""
 
-    name = "mlp"
-    kind = "mlp"
+    name = kind = "mlp"
 
     @property
     def coefficients(self) -> F:
@@ -372,10 +370,14 @@ class _Backbone(SixAxisMap):
         """The same map with other parameters."""
         return replace(self, coefficients=np.asarray(coefficients, dtype=np.float64))
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters by name."""
+        return dict(zip(self.names, self.coefficients.tolist(), strict=True))
+
     def document(self) -> dict[str, Any]:
         """Length and parameters by name."""
-        parameters = dict(zip(self.names, self.coefficients.tolist(), strict=True))
-        return self.head(length_m=self.length, parameters=parameters)
+        return self.head(length_m=self.length, parameters=self.parameters)
 
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> Any:
@@ -388,8 +390,7 @@ class _Backbone(SixAxisMap):
 class ConstantCurvatureMap(_Backbone):
     """An arc with three springs k_e, k_b, k_t; the wrench is linear in them."""
 
-    name = "constant-curvature"
-    kind = "constant-curvature"
+    name = kind = "constant-curvature"
     names = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
 
     def columns(self, poses: F) -> F:
@@ -444,8 +445,7 @@ def rod_sections(compliance: F, length_m: float) -> dict[str, float]:
 class RodMap(_Backbone):
     """A Cosserat rod with section stiffnesses EA, GA (N), EI, GJ (N m^2)."""
 
-    name = "rod"
-    kind = "rod"
+    name = kind = "rod"
     names = ROD_SECTIONS
 
     def predict(self, poses: F) -> F:
@@ -469,17 +469,13 @@ class RodMap(_Backbone):
         """(N, 6) wrenches and (N, 6, 6) d pose / d wrench; NaN where no equilibrium exists."""
         with np.errstate(over="ignore", invalid="ignore"):
             start = np.ascontiguousarray(self._start(poses))
-        return rod_wrenches(poses, start, length_m=self.length, **self._sections())
+        return rod_wrenches(poses, start, length_m=self.length, **self.parameters)
 
     def _poses(self, wrenches: F) -> F:
-        poses, converged = rod_poses(
-            np.ascontiguousarray(wrenches), length_m=self.length, **self._sections()
-        )
+        loads = np.ascontiguousarray(wrenches)
+        poses, converged = rod_poses(loads, length_m=self.length, **self.parameters)
         poses[~converged] = np.nan
         return poses
-
-    def _sections(self) -> dict[str, float]:
-        return dict(zip(ROD_SECTIONS, map(float, self.coefficients), strict=True))
 
     def _start(self, poses: F) -> F:
         """The linear rod in mid-frame coordinates."""

@@ -9,6 +9,7 @@ noise of other columns may not be known: their errors are over their spread.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -488,11 +489,9 @@ def learning_curve(
             rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
             tell_part(progress, steps, draws * sum(usable), f"{n} poses")
             steps += n
-            try:
+            with suppress(EcmError):
                 square, _ = _square(specification, measured, rows, test, whitener)
-            except EcmError:
-                continue
-            errors[s, d] = np.sqrt(square)
+                errors[s, d] = np.sqrt(square)
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None

@@ -154,7 +154,7 @@ class _Place:
         fit, whitener, fixed = self.without
 
         def of(part: Effect) -> F:
-            jacobian = jacobian_of(part, fit.rows, np.zeros(len(part.parameters)))
+            jacobian = jacobian_of(part, fit.rows)
             columns = (whitener @ jacobian).reshape(self.left.size, -1)
             return np.asarray(columns - fixed @ (fixed.T @ columns))
 

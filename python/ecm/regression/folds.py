@@ -167,9 +167,7 @@ def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"])
         block[order] = np.arange(count) * n // count
         return np.asarray(block[groups])
     sizes = np.bincount(groups)
-    centres = np.stack(
-        [np.bincount(groups, weights=poses[:, j]) / sizes for j in range(poses.shape[1])], axis=1
-    )
+    centres = np.stack([np.bincount(groups, axis) / sizes for axis in poses.T], axis=1)
     return np.asarray(_clusters(centres, n)[groups])
 
 
@@ -177,22 +175,20 @@ def _clusters(points: F, n: int) -> I:
     """Equal-sized clusters: recursive cuts along the longest principal axis, no random start."""
     spread = points.std(axis=0)
     scaled = (points - points.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
-    labels = np.zeros(len(points), dtype=np.int64)
-    parts: list[tuple[I, int]] = [(np.arange(len(points)), n)]
-    label = 0
-    while parts:
-        members, pieces = parts.pop()
+
+    def parts(members: I, pieces: int) -> list[I]:
         if pieces == 1:
-            labels[members] = label
-            label += 1
-            continue
+            return [members]
         centred = scaled[members] - scaled[members].mean(axis=0)
         _, _, axes = np.linalg.svd(centred, full_matrices=False)
         order = members[np.argsort(centred @ axes[0], kind="stable")]
         left = pieces // 2
         cut = len(order) * left // pieces
-        parts.append((order[cut:], pieces - left))
-        parts.append((order[:cut], left))
+        return [*parts(order[:cut], left), *parts(order[cut:], pieces - left)]
+
+    labels = np.zeros(len(points), dtype=np.int64)
+    for label, members in enumerate(parts(np.arange(len(points)), n)):
+        labels[members] = label
     return labels
 
 

@@ -124,9 +124,8 @@ class Noise:
 
     def pose_sd(self, inputs: Sequence[str]) -> F:
         """(n,) standard deviations of pose columns."""
-        return np.array(
-            [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
-        )
+        of_place = [name in POSE[:3] for name in inputs]
+        return np.where(of_place, self.position_sd_m, self.rotation_sd_rad)
 
     def variances(self, rows: Rows, base_error: F | None = None) -> F:
         """(N, m) of the residual of each row."""
@@ -165,13 +164,9 @@ def covariance_parts(rows: Rows) -> F:
     position = np.array([name in POSE[:3] for name in inputs])
     force = np.array([name in WRENCH[:3] for name in outputs])
     along, about = stiffness[:, :, position], stiffness[:, :, ~position]
-    n, m = len(rows), len(outputs)
-    parts = np.zeros((4, n, m, m))
-    parts[0] = along @ np.swapaxes(along, 1, 2)
-    parts[1] = about @ np.swapaxes(about, 1, 2)
-    parts[2] = np.diag(force.astype(np.float64))
-    parts[3] = np.diag((~force).astype(np.float64))
-    return parts
+    of_pose = (part @ np.swapaxes(part, 1, 2) for part in (along, about))
+    of_wrench = (np.diag(own.astype(np.float64)) for own in (force, ~force))
+    return np.stack(np.broadcast_arrays(*of_pose, *of_wrench))
 
 
 _ALL = (*POSE, *WRENCH)

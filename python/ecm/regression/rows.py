@@ -294,18 +294,24 @@ def is_whole(base: BaseMap) -> bool:
 
 
 @dataclass(frozen=True)
-class _OfSix:
-    """A map of some wrench columns as one of all six: what it does not give is 0, or an addition
-    (6, 6) to the stiffness."""
+class _AsWhole:
+    """A map of other columns as one of all six poses and wrenches."""
 
     base: BaseMap
-    more: F = field(default_factory=lambda: np.zeros((6, 6)))
     inputs: ClassVar[tuple[str, ...]] = POSE
     outputs: ClassVar[tuple[str, ...]] = WRENCH
 
     @property
     def length_m(self) -> float | None:
         return self.base.length_m
+
+
+@dataclass(frozen=True)
+class _OfSix(_AsWhole):
+    """A map of some wrench columns: what it does not give is 0, or an addition (6, 6) to the
+    stiffness."""
+
+    more: F = field(default_factory=lambda: np.zeros((6, 6)))
 
     def predict(self, poses: F) -> F:
         return np.asarray(self._placed(self.base.predict(poses)) + poses @ self.more.T)
@@ -324,25 +330,18 @@ class _OfSix:
 
 
 @dataclass(frozen=True)
-class _AtInputs:
+class _AtInputs(_AsWhole):
     """A map of the six poses and of inputs as one of the poses, as maps with actuators are.
 
     Bare poses (N, 6) are at the median of the inputs.
     """
 
-    base: BaseMap
     median: F
     """(a,) of the inputs."""
-    inputs: ClassVar[tuple[str, ...]] = POSE
-    outputs: ClassVar[tuple[str, ...]] = WRENCH
 
     @property
     def actuators(self) -> tuple[str, ...]:
         return self.base.inputs[6:]
-
-    @property
-    def length_m(self) -> float | None:
-        return self.base.length_m
 
     def predict(self, poses: F) -> F:
         return self.base.predict(self._with_inputs(poses))

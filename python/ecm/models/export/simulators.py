@@ -329,15 +329,12 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         )
     )
     names = ("FX", "FY", "FZ", "MX", "MY", "MZ")
-    return (
-        {
-            name: f"{_horner(dict(zip(map(tuple, powers.tolist()), x.tolist(), strict=True)))};"
-            f"{definitions}"
-            for name, x in zip(names, found.T, strict=True)
-        },
-        degree,
-        change,
-    )
+    terms = [tuple(own) for own in powers.tolist()]
+    expressions = {
+        name: f"{_horner(dict(zip(terms, x, strict=True)))};{definitions}"
+        for name, x in zip(names, found.T.tolist(), strict=True)
+    }
+    return expressions, degree, change
 
 
 def _horner(terms: dict[tuple[int, ...], float]) -> str:

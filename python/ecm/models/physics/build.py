@@ -67,7 +67,6 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
         return scaled_rod(stated_rod(mechanism))
     mechanism.check_length()
     length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
-    nu = mechanism.poisson_ratio
     across = {
         name: LENGTH_M * round(getattr(mechanism, name) / length, 12)
         for name in ("radius_m", "inner_radius_m", "waist_radius_m")
@@ -75,15 +74,13 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
     material = mechanism.material
     if material is not None:
         material = _rounded(material.scaled(SHEAR_MODULUS_PA / material.shear_modulus_Pa))
-    return replace(
-        mechanism,
-        length_m=LENGTH_M,
-        young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + nu),
-        material=material,
-        density_kg_m3=0.0,
-        free_length_m=0.0,
-        **across,
-    )
+    return _at_neck_size(mechanism, material=material, **across)
+
+
+def _at_neck_size(mechanism: Mechanism, **own: Any) -> Mechanism:
+    """The neck's length and shear modulus, no weight and no preload, and what else is given."""
+    own["young_modulus_Pa"] = 2.0 * SHEAR_MODULUS_PA * (1.0 + mechanism.poisson_ratio)
+    return replace(mechanism, length_m=LENGTH_M, density_kg_m3=0.0, free_length_m=0.0, **own)
 
 
 _MOST_STRAIN = 0.4
@@ -339,19 +336,11 @@ def scaled_rod(rod: Mechanism) -> Mechanism:
     longer = LENGTH_M / rod.length_m
     stiffer = SHEAR_MODULUS_PA / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
     # A rod of the same shape is thicker by the factor by which it is longer.
-    sections: dict[str, Any] = {
+    sections = {
         name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
         for name, power in zip(ROD_SECTIONS, _BY_DIAMETER, strict=True)
     }
-    return replace(
-        rod,
-        length_m=LENGTH_M,
-        radius_m=float(f"{rod.radius_m * longer:.12g}"),
-        young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + rod.poisson_ratio),
-        density_kg_m3=0.0,
-        free_length_m=0.0,
-        **sections,
-    )
+    return _at_neck_size(rod, radius_m=float(f"{rod.radius_m * longer:.12g}"), **sections)
 
 
 @dataclass(frozen=True)

@@ -37,23 +37,21 @@ _LENGTHS = {"alike": (1, 2, 0, 0, 1, 1), "revolution": (1, 2, 0, 0, 1, 1)}
 _LENGTHS["general"] = (1, 1, 1, 0, 0, 0)
 
 
-_PAIR = array(2)
-_LAYOUT = record(
-    {
-        "degree": number(0.0),
-        "symmetry": one_of(*SYMMETRIES),
-        "scale": array(2, positive=True),
-        "table": array(3, 3, None),
-        "centre": array(2, positive=True),
-        "width": number(positive=True),
-        "s_range": _PAIR,
-        "x_range": _PAIR,
-        "error": array(2, 6),
-        "error_over_noise": array(3),
-    },
-    {"shifts": array(3)},
-    others=True,
-)
+_ENERGY = {
+    "degree": number(0.0),
+    "symmetry": one_of(*SYMMETRIES),
+    "scale": array(2, positive=True),
+}
+_FAMILY = _ENERGY | {
+    "table": array(3, 3, None),
+    "centre": array(2, positive=True),
+    "width": number(positive=True),
+    "s_range": array(2),
+    "x_range": array(2),
+    "error": array(2, 6),
+    "error_over_noise": array(3),
+}
+_LAYOUT = record(_FAMILY, {"shifts": array(3)}, others=True)
 """What a family holds in a model file and in the cache."""
 
 
@@ -215,14 +213,7 @@ class PhysicsFamily:
         return read_plain(PhysicsFamily, {"shifts": [-most, most, most], **document})
 
 
-LAYOUT = record(
-    {
-        "degree": number(0.0),
-        "symmetry": one_of(*SYMMETRIES),
-        "scale": array(2, positive=True),
-        "coefficients": array(None),
-    }
-)
+LAYOUT = record(_ENERGY | {"coefficients": array(None)})
 """What a difference holds in a model file and in the cache."""
 
 

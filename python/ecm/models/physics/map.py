@@ -96,8 +96,7 @@ class PhysicsMap(SixAxisMap):
     mesh: MeshDifference | None = None
     """What the size of the elements makes; None where there is no second mesh to compare with."""
 
-    name = "physics"
-    kind = "physics"
+    name = kind = "physics"
 
     @property
     def length_m(self) -> float | None:
