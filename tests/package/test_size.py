@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_746, 204),
+    "python/ecm": (43_433, 204),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
     "tests": (34_237, 237),
@@ -18,7 +18,7 @@ LIMITS = {
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
 steps from recorded inputs to those that act in C, Rust and FMU, controllers that are copied and say
 what is no number (166 lines in the package), units of meshes, stresses and moduli (96), forms of a
-body beside what it remembers (32); a test of each."""
+body beside what it remembers (32), less 308 that said something twice; a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)
