@@ -525,8 +525,10 @@ def _against_the_bases(
                 decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
         richer = richer_polynomial(decision)
         if richer is not None:
-            weighed = partial(_error_left, weighed=decision.problem)
-            decision = min(decision, against(richer), key=weighed)
+            again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
+            # Without a name it must leave nothing: beside it other effects imitate the rest.
+            if decision.answer or again.verdict == "none":
+                decision = min(decision, again, key=weighed)
     if decision.statement is not None:
         return decision
     if not may_be_another_body(decision):

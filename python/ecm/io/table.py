@@ -482,6 +482,8 @@ def as_table(
     ecm.errors.InputError: table: column 'y_mm' looks like 'y_m' without its unit or with another \
 one; expected the unit in the name. If it is in that unit, call it 'y_m'; else give y_m = \
 { column = "y_mm", scale = ... } in [columns].
+    Import it, where it is a log of another program:
+      table = ecm.import_log(log).table
     """
     check_arguments(as_table, locals())
     if isinstance(data, (str, Path)) or _are_paths(data):
@@ -570,7 +572,7 @@ def require_columns(table: Table, need: Need | None) -> None:
                 f"{table.source}: no {word} column was found (columns: {shown}), so {why}; "
                 f"expected at least one of {', '.join(names)}.{hint} Rename the columns, or map "
                 "them in [columns] of a description (--meta FILE.toml).",
-                remedy=IMPORT_IT,
+                remedy=IMPORT_IT if word == "pose" else None,  # a table with poses was imported
             )
     if len(table.measured()) == 0:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
