@@ -504,10 +504,10 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
         slow = f" ({_ENOUGH_NODES} are mostly enough)" if nodes > _ENOUGH_NODES else ""
         return f", {nodes} nodes{slow}"
 
-    def check_length(self) -> None:
-        """Refuse a stated length that is not that of the mesh file."""
+    def checked_length_m(self) -> float:
+        """Return the length, of a mesh file its own; InputError where another one is stated."""
         if self.mesh_file is None:
-            return
+            return self.length_m
         found = self.mesh().length_m
         if abs(found - self.length_m) > _SAME_LENGTH * self.length_m:
             raise InputError(
@@ -515,6 +515,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
                 f"[mechanism] length_m = {self.length_m:g}: leave length_m out, or "
                 f"{_scale_by(self.length_m / found)}"
             )
+        return float(found)
 
     def _round_the_axis(self) -> Iterator[Tendon]:
         """Tendons parallel to the axis, at equal angles."""
@@ -560,7 +561,7 @@ young_modulus_Pa=650000.0, poisson_ratio=0.49)
             )
         if self.young_modulus_Pa <= 0.0:
             raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
-        self.check_length()
+        self.checked_length_m()
         weight = None
         if gravity_m_s2 is not None:
             x, y, z = (self.density_kg_m3 * g for g in gravity_m_s2)

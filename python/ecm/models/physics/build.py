@@ -65,8 +65,7 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
     """
     if mechanism.builtin == "rod":
         return scaled_rod(stated_rod(mechanism))
-    mechanism.check_length()
-    length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
+    length = mechanism.checked_length_m()
     across = {
         name: LENGTH_M * round(getattr(mechanism, name) / length, 12)
         for name in ("radius_m", "inner_radius_m", "waist_radius_m")

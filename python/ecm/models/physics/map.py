@@ -360,7 +360,7 @@ def physics_map(
         )
     kept = _Kept.of(mechanism, settings, max(reach_rad, _turned(poses)), cache)
     family = kept.built(threads, progress)
-    if (further := kept.further(family, poses, _length_of(mechanism))) is not None:
+    if (further := kept.further(family, poses, mechanism.checked_length_m())) is not None:
         # Where too few such poses have a stable state, predictions say what they are beyond.
         with suppress(ComputationError):
             more = Steps({"usual": 100, "larger forces": 100}, progress).within("larger forces")
@@ -384,7 +384,7 @@ def kept_physics(
     family = kept.family()
     if family is None:
         return None
-    further = kept.further(family, poses, _length_of(mechanism))
+    further = kept.further(family, poses, mechanism.checked_length_m())
     if further is not None and (far := further.family()) is not None:
         kept, family = further, far
     return _map_of(mechanism, family, kept.mesh(family, build=False))
@@ -502,7 +502,7 @@ class _Kept:
 
 
 def _map_of(mechanism: Mechanism, family: PhysicsFamily, mesh: MeshDifference | None) -> PhysicsMap:
-    length = _length_of(mechanism)
+    length = mechanism.checked_length_m()
     stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
         "young_modulus_Pa": stated.young_modulus_Pa,
@@ -518,10 +518,6 @@ def _map_of(mechanism: Mechanism, family: PhysicsFamily, mesh: MeshDifference | 
         values=values,
         mesh=mesh,
     )
-
-
-def _length_of(mechanism: Mechanism) -> float:
-    return mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
 
 
 def _turned(poses: F | None) -> float:
