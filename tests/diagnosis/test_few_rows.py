@@ -222,6 +222,37 @@ def test_noise_that_chance_brings_past_the_gate_is_none(seed: int) -> None:
     assert found.verdict == "none"
 
 
+def lost_by_wear(table: Table) -> Table:
+    """The same, softer by up to 0.3 below the largest tilt and twist so far."""
+    bend = np.linalg.norm(table.poses[:, 3:], axis=1)
+    largest = np.maximum.accumulate(bend)
+    lost = 0.3 * ((largest - bend) / largest.max())[:, None] * wrench(table.poses)
+    return table.with_columns({c: table.column(c) - lost[:, j] for j, c in enumerate(WRENCH)})
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_wear_of_rows_that_show_no_memory_is_that_or_a_law_of_the_strain(seed: int) -> None:
+    """The largest pose came among the first: a body that stiffens would do the same to the rest."""
+    poses = workspace_poses(19, seed)
+    table = lost_by_wear(rows(poses, wrench(poses), seed))
+    assert find_missing(linear(table), table).answer == (
+        ("mullins_softening", "strain_stiffening"),
+    )
+
+
+def test_a_degree_that_takes_in_an_effect_is_too_many() -> None:
+    """Of 17 rows degree 6 leaves nothing, and errs 260 times the noise where no row was."""
+    poses = workspace_poses(17, 2)
+    table = rows(poses, wrench(poses), 2)
+    lost = np.exp(-((table.column("dwell_s") / 8.0) ** 0.45))[:, None] * wrench(poses)
+    table = table.with_columns(
+        {name: table.column(name) + 0.06 * lost[:, j] for j, name in enumerate(WRENCH)}
+    )
+    found = find_missing(linear(table), table)
+    assert found.answer == (("stress_relaxation",),)
+    assert found.problem.base.name == "energy5"
+
+
 def planar(poses: F, read: F, random: np.random.Generator, degrees: F) -> Table:
     """A planar table with the noise that is stated."""
     read = read + [0.05, 0.05, 0.001] * random.standard_normal(read.shape)

@@ -53,6 +53,7 @@ from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import (
     Ranked,
     delta_chi2,
+    held_out_rms,
     rank,
     richer_forms,
     search,
@@ -73,14 +74,22 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.settings import ENERGY_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.energy import EnergyModel
 from ecm.models.fit import as_model, choose_base, energy_with, fit_base, symmetric_energy
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
+from ecm.models.maps import (
+    EnergyMap,
+    ModelSpecification,
+    PolynomialMap,
+    StiffnessMap,
+    Symmetry,
+)
 from ecm.models.model import Model
-from ecm.models.partial import whole_map
+from ecm.models.partial import measured_part, whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.refit import addition_to
+from ecm.models.refit import FAR_BEYOND_NOISE, addition_to
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
@@ -169,6 +178,23 @@ def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
     k = len(richer.coefficients)
     fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
     return bool(fall > (k - own) * np.log(size))
+
+
+def poorer_base(problem: Problem) -> StiffnessMap | None:
+    """Return the energy or polynomial of one degree less, or None where there is none.
+
+    A degree is chosen beside no effect: of few rows a higher one takes in what an effect does, and
+    errs by far where no row was.
+    """
+    base, less = whole_map(problem.base), cast(ModelSpecification | None, None)
+    if isinstance(base, EnergyMap) and base.model.degree > ENERGY_DEGREES[0]:
+        less = EnergyModel(base.model.degree - 1, cast(Symmetry, base.model.symmetry))
+    elif isinstance(base, PolynomialMap) and base.model.degree > 1:
+        less = PolynomialModel(base.model.degree - 1)
+    if less is None:
+        return None
+    measured = problem.table.measured()
+    return measured_part(fit_base(measured, less), measured)
 
 
 def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
@@ -470,9 +496,16 @@ def find_missing(
         return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages)
 
     decision = of_rows(settings)
-    if decision.verdict == "none" or decision.misread:
+    if decision.verdict != "none" and not decision.misread:
+        decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
+    alone = held_out_rms(decision.problem, ()) if decision.verdict == "none" else 0.0
+    poorer = poorer_base(decision.problem) if alone > FAR_BEYOND_NOISE else None
+    if poorer is None:
         return decision
-    return _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
+    begun_there = begin(poorer, decision.prepared, noise, settings, stages)
+    again = _with_family(go_on(begun_there, seed, stages), stages.describe)
+    left = held_out_rms(again.problem, again.accepted.effects)
+    return again if again.answer and left < alone else decision
 
 
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:

@@ -245,6 +245,9 @@ class MullinsSoftening(TimedEffect):
         if self.load_width is not None:
             self.physics = "The material is softer below the largest load that it has had."
             self.needs = "time (time_s), or rows step by step, and loads after larger ones"
+        if self.history == "no":
+            # Softer below the largest load at any time is stiffer at larger loads.
+            self.id = "strain_stiffening"
 
     def missing(self, table: Table) -> Missing | None:
         """Needs what `requires` says; with fewer columns a load below an earlier one."""
