@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,11 @@ def test_shares_are_those_of_the_squares() -> None:
         {"symmetric": 5.0 / 8.0, "asymmetric": 1.75 / 8.0, "other": 1.25 / 8.0}
     )
     assert "62% of the excess points to elasticity or geometry" in found.sentence()
+    # A model that errs far less than each of them lacks nothing that they could tell.
+    outdone = ReferenceModels(physics=30.0, energy=20.0, ceiling=15.0, own=6.0)
+    assert outdone.shares() == {}
+    assert "errs far more than the model" in outdone.sentence()
+    assert replace(outdone, own=8.0).shares()["symmetric"] > 0.5
     # A ceiling that is no better than the energy has nothing of its own.
     assert ReferenceModels(physics=3.0, energy=1.0, ceiling=1.2).shares()["asymmetric"] == 0.0
 

@@ -123,3 +123,16 @@ def test_what_follows_the_last_change_of_a_pressure_is_structure(seed: int) -> N
     for lacks in (0.0, 0.04):
         table = ecm.Table({**columns, "fx_N": force + noise + lacks * rose}, meta)
         assert ecm.compare(ecm.fit(table, "cubic"), table).missing == (lacks > 0.0)
+
+
+def test_an_error_that_only_several_components_show_is_not_said_of_one() -> None:
+    """Noise of the position moves force and torque together; what parts them is small beside it."""
+    random, x = np.random.default_rng(2), np.linspace(-0.01, 0.01, 80)
+    moved = 1e5 * (x + 1e-5 * random.standard_normal(80))
+    parting = 0.3 * np.sin(800.0 * x) + 0.01 * random.standard_normal(80)
+    columns = {"x_m": x, "fx_N": moved + parting, "tau_y_Nm": 0.02 * (moved - parting)}
+    figures = {"pose_position_sd_m": 2e-5, "force_sd_N": 0.01, "torque_sd_Nm": 2e-4}
+    found = said(ecm.Table(columns, {"instrument": figures}))
+    assert max(one.excess for one in found.components) == 0.0
+    assert found.whitened_rms > 2.0
+    assert found.sentence().endswith("no component shows alone: their noise goes together.")

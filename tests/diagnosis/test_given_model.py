@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, statements
 from ecm.diagnosis.given_model import _Judged
+from ecm.diagnosis.summary import Summary
 from ecm.effects import Effect
-from ecm.errors import InputError, ModelError
+from ecm.errors import EcmError, InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -25,6 +26,7 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
+from ecm.models.refit import refit, remedy_with_base
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_outliers
 from support.campaigns import INSTRUMENT, workspace_poses
@@ -511,3 +513,72 @@ def test_a_sensor_on_the_tool_and_powers_of_ten(what: str, words: str) -> None:
     assert found.model.answer == "table"
     assert found.model.statement is not None
     assert words in found.model.statement.what
+
+
+def soft_pad(seed: int) -> Table:
+    """Forty presses by hand in three axes, each once; the pad is softer below its largest work."""
+    random, names = np.random.default_rng(seed), "xyz"
+    u = random.uniform([-4.0, -3.0, -3.0], [0.5, 3.0, 3.0], (40, 3))
+    x, y, z = u.T
+    axial = 6.0 * x / (1.0 - (x / 9.0) ** 2) - 0.3 * (y * y + z * z)
+    across = [k * v * (1.0 + 0.1 * v * v) - 0.3 * x * v for k, v in ((2.2, y), (2.6, z))]
+    force = np.column_stack([axial, *across])
+    work = (force * u).sum(axis=1)
+    most = np.maximum.accumulate(work)
+    force *= (1.0 - 0.35 * (1.0 - np.exp(-3.0 * (most - work) / (16.0 + most))))[:, None]
+    force += random.normal(0.0, 0.05, force.shape)
+    columns = {f"{n}_m": 1e-3 * v for n, v in zip(names, u.T, strict=True)}
+    columns |= {f"f{n}_N": v for n, v in zip(names, force.T, strict=True)}
+    noise = {"force_sd_N": 0.05, "pose_position_sd_m": 1e-5}
+    return as_table(columns | {"time_s": 10.0 * np.arange(40)}, meta={"instrument": noise})
+
+
+def test_a_base_with_nearly_a_coefficient_for_each_row_is_no_better_form() -> None:
+    """It leaves nothing on its rows and errs more than the model on others: `fit` refuses it."""
+    table = soft_pad(6)
+    found = diagnose(fit_model(table, "quadratic", force=True), table)
+    assert found.model.answer != "form"
+    assert found.summary().add == "nothing"
+    with pytest.raises(EcmError, match="no model of these data"):
+        fit_model(table, "poly:4")
+    assert remedy_with_base("poly:4", (), table) is None
+
+
+@pytest.mark.parametrize(
+    ("alike", "missing", "after"),
+    [
+        (None, "errs 1.7 times the noise", "measure a part twice: tells larger noise"),
+        (0.6, "errs 1.7 times the noise and neighbouring rows err alike", "a pause, or the same"),
+    ],
+)
+def test_an_error_beyond_the_noise_is_no_reason_to_stop(
+    alike: float | None, missing: str, after: str
+) -> None:
+    """Without a name either the noise is larger, or it is slow, or something is missing."""
+    document = diagnose(model(), measured(1)).to_dict()
+    assert document["verdict"] == "none"
+    document["model"] |= {"answer": "noise", "neighbours_alike": alike}
+    document["model"]["as_given"]["over_noise"] = 1.7
+    lines = Summary.of(document)
+    assert missing in lines.missing
+    assert lines.next.startswith(after)
+    assert lines.next.endswith("from a missing effect")
+
+
+def test_the_error_of_the_base_is_the_same_in_both_sentences() -> None:
+    """One was of blocks of time, the other of clusters of poses: 18.7 and 23.9 times the noise."""
+    table = soft_pad(1)
+    found = diagnose(fit_model(table, "quadratic", force=True), table)
+    assert {item.effect.kind for item in found.effects} >= {"time"}
+    assert found.model.base_errors.over_noise == pytest.approx(found.held_out.before)
+
+
+def test_refit_adds_the_law_of_the_degree_that_was_named() -> None:
+    """Each power was cheap where the base errs many times the noise: 9 was added in place of 7."""
+    table = soft_pad(8)
+    before = fit_model(table, "quadratic", force=True)
+    found = diagnose(before, table)
+    named = {item.id: item.effect.shape for item in found.effects}
+    added = refit(before, table, add=list(named), force=True)
+    shapes = {item.id: item.effect.shape for item in added.effects}
+    assert shapes["higher_degree"]["degree"] == named["higher_degree"]["degree"]

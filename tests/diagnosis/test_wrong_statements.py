@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,6 +109,33 @@ def test_it_is_named_as_what_it_is(change: Callable[[F, F], tuple[F, F]], words:
     assert statement.error_after < 1.3
     assert statement.error_before > 6.0
     assert found.to_dict()["unknown"]["statement"]["what"] == statement.what
+
+
+TOOL = np.array([0.012, 0.009, -0.004])
+
+
+@pytest.mark.parametrize(
+    ("change", "entry", "sign"),
+    [
+        (lambda p: Rotation.from_rotvec(p[:, 3:]).apply(TOOL), "top_from_tool", 1.0),
+        (lambda p: np.broadcast_to(TOOL, (len(p), 3)), "base_from_robot", -1.0),
+    ],
+)
+def test_the_point_that_is_said_goes_into_the_frames(
+    change: Callable[[F], F], entry: str, sign: float, tmp_path: Path
+) -> None:
+    """As the sentence says, with these numbers, and the poses are those of the top again."""
+    found = stated(lambda p, h: (np.hstack([p[:, :3] + change(p), p[:, 3:]]), h))
+    said = re.search(r"\(([-\d., ]+)\) mm away \((add it to|take it from) (\w+)", found.sentence())
+    assert said is not None
+    assert said.group(2, 3) == ("add it to" if sign > 0.0 else "take it from", entry)
+    at = 1e-3 * sign * np.array([float(number) for number in said.group(1).split(",")])
+    poses = workspace_poses(120, 7)
+    logged = np.hstack([poses[:, :3] + change(poses), poses[:, 3:]])
+    table_of(logged, wrench(poses)).write(tmp_path / "log.csv")
+    with open(tmp_path / "log.toml", "a") as file:
+        file.write(f"\n[frames]\n{entry} = {[*at.tolist(), 1.0, 0.0, 0.0, 0.0]}\n")
+    assert np.abs(read_table(tmp_path / "log.csv").poses - poses).max() < 3e-4
 
 
 def test_a_turned_wrench_beside_a_body() -> None:

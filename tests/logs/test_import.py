@@ -544,3 +544,12 @@ def test_logs_with_dates_are_joined_in_the_order_of_their_time(tmp_path: Path, f
     (said,) = (words for words in joined.warnings if "order of their time" in words)
     assert said.endswith(", ".join(tables[::-1]))
     assert "taken in the order" not in " ".join(ecm.as_table(tables[::-1]).warnings)
+
+
+def test_the_temperature_of_the_sensor_is_not_that_of_the_mechanism() -> None:
+    """Its drift would be named as a softer material; two of them were refused as one column."""
+    log = {"yaw [deg]": [0.0, 2.0], "Mz [Nmm]": [0.0, 1.0]}
+    both = {"FT temperature [K]": [300.15, 301.15], "room temp [degC]": [20.0, 21.0]}
+    table = ecm.import_log(log | both).table
+    assert table["sensor_temperature_degC"] == pytest.approx([27.0, 28.0])
+    assert table["temperature_degC"] == pytest.approx([20.0, 21.0])

@@ -22,6 +22,7 @@ from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import FREE, PhysicsMap, kept_physics, poses_meant
+from ecm.models.refit import is_far_behind
 from ecm.regression.folds import held_out_by, without_zero_readings
 from ecm.regression.noise import Noise
 
@@ -55,6 +56,8 @@ class ReferenceModels:
     """Whether the physics is left out because the FEM of the table's body did not run yet."""
     missing: bool = True
     """Whether the comparison sees that something is missing; else the errors differ by chance."""
+    own: float | None = field(default=None, metadata={"json": ""})
+    """Error over the noise of the model that is compared, as it stands."""
 
     def levels(self) -> dict[str, float]:
         """Return the known errors by name."""
@@ -66,12 +69,18 @@ class ReferenceModels:
         }
         return {name: value for name, value in named.items() if value is not None}
 
+    @property
+    def outdone(self) -> bool:
+        """Whether the model errs far less than each of them, so that they tell nothing of it."""
+        known = [one for one in (self.physics, self.energy, self.ceiling) if one is not None]
+        return self.own is not None and bool(known) and is_far_behind(min(known), self.own)
+
     def shares(self) -> dict[str, float]:
         """Return the share of the excess, in squares, of each family that can be separated.
 
-        None where nothing is missing.
+        None where nothing is missing, or where the model errs far less than the references.
         """
-        if not self.missing:
+        if not self.missing or self.outdone:
             return {}
         levels = [self.physics, self.energy, self.ceiling, self.floor]
         names = ["symmetric", "asymmetric", "other"]
@@ -89,6 +98,8 @@ class ReferenceModels:
     def sentence(self) -> str:
         """Return one plain sentence."""
         shares = self.shares()
+        if self.missing and self.outdone:
+            return "Each of these errs far more than the model: they do not tell what it lacks."
         if not shares:
             return "What is left is noise: no family of effects stands out."
         best = max(shares, key=shares.__getitem__)
@@ -102,12 +113,17 @@ class ReferenceModels:
 
 
 def fit_reference_models(
-    model: Model, table: Table, noise: Noise, *, missing: bool
+    model: Model, table: Table, noise: Noise, *, missing: bool, own: float
 ) -> ReferenceModels | None:
     """Fit the reference models; None for a table without all six pose and wrench columns.
 
     The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
     it is left out where its FEM, which takes minutes, is not in the cache yet.
+
+    Parameters
+    ----------
+    missing, own
+        Of the comparison: whether the model lacks something, and its error over the noise.
     """
     if not table.has(*POSE, *WRENCH) or noise.components is not None:
         return None
@@ -133,6 +149,7 @@ def fit_reference_models(
         by=held_out_by(kept, "time"),
         fem_needed=fem_needed,
         missing=missing,
+        own=own,
     )
 
 

@@ -106,6 +106,9 @@ class Compared:
     """Rows of a large table that the noise and these parts rest on; else all."""
 
 
+_TOGETHER = ", which no component shows alone: their noise goes together."
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Comparison(Shown):
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
@@ -174,7 +177,9 @@ class Comparison(Shown):
         """
         made = self.compared
         some = made.table.subsample(made.chosen)
-        return fit_reference_models(made.model, some, self.noise, missing=self.missing)
+        return fit_reference_models(
+            made.model, some, self.noise, missing=self.missing, own=self.whitened_rms
+        )
 
     @property
     def unused_inputs(self) -> tuple[str, ...]:
@@ -267,7 +272,8 @@ class Comparison(Shown):
                 f"{errs}, yet a part of it {follows}: something is missing, and that noise is "
                 "likely too large."
             )
-        return f"{errs}: {worst.excess:.3g} {unit} in {name} is not noise."
+        shown = f": {worst.excess:.3g} {unit} in {name} is not noise."
+        return errs + (shown if worst.excess > 0.0 else _TOGETHER)
 
     @property
     def shares_of_spread(self) -> F:

@@ -22,7 +22,7 @@ from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
 from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
 from ecm.diagnosis.problem import Problem
-from ecm.diagnosis.search import held_out_rms
+from ecm.diagnosis.search import held_out_rms, kind_of
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
 from ecm.diagnosis.verdict import Decision
 from ecm.errors import EcmError, Remedy
@@ -294,7 +294,8 @@ def judge_given_model(
     result = compare(model, table, noise=noise)
     rmse = [component.rmse for component in result.components]
     given = _sized(table, result.whitened_rms, rmse, model.outputs, noise=result.noise)
-    error, rmse = held_out_rms(problem, ()), problem.rms(problem.fit.residual).tolist()
+    kind = kind_of(decision.accepted.effects)  # the parts of rows are those of the verdict
+    error, rmse = held_out_rms(problem, (), kind), problem.rms(problem.fit.residual).tolist()
     base = _sized(table, error, rmse, problem.base.outputs, noise=problem.noise)
     return _Judged(model, decision, problem, result, given, base).answered()
 
@@ -397,8 +398,8 @@ class _Judged:
         problem, table = self.problem, self.decision.prepared.unexplained
         base = self.of_fit(refit_of_kind(problem.base, table, self.result.noise))
         own, other = (one.over_noise if one else None for one in (self.refitted, base))
-        if own is None or other is None:
-            return True
+        if own is None or other is None:  # a base with nearly a coefficient a row leaves nothing
+            return own is None
         fall = 2.0 * math.log(max(own, 1e-300) / max(other, 1e-300))  # of squares, held out
         alike = self.result.neighbours_alike or 0.0  # so many of these rows are independent:
         size = problem.size * (1.0 - alike) / (1.0 + alike)

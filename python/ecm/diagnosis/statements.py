@@ -72,8 +72,18 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[C
         What the base leaves of other rows; its squares are minimised over the three coordinates.
     """
     kinds = (
-        ("the positions look measured from a point {0} away", True, False),
-        ("the pose looks that of another point of the top, {0} away", True, True),
+        (
+            "the positions look measured from a point {0} away (take it from base_from_robot of "
+            "[frames])",
+            True,
+            False,
+        ),
+        (
+            "the pose looks that of another point of the top, {0} away (add it to top_from_tool of "
+            "[frames])",
+            True,
+            True,
+        ),
         ("the torque looks taken about a point {0} away", False, False),
         ("the torque looks taken about a point of the top {0} away", False, True),
     )

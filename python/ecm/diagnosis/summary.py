@@ -58,6 +58,8 @@ LINES = (("missing", "MISSING"), ("add", "ADD IT"), ("next", "NEXT"))
 DETAILS = "what the names rest on, the ranking, what these data cannot test or tell apart"
 """What the whole report has beside the lines."""
 _NOTHING = "nothing"
+_IN_SLOW_NOISE = "a pause, or the same motion again or at another speed"
+"""What tells an effect from noise that changes slowly."""
 _SOME_UNTESTED = 3
 """Effects that cannot be tested which the first line names, in the order of the catalogue."""
 
@@ -110,8 +112,7 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
         said = "The table looks misread" if table else "Something is stated wrongly"
         return f"{said}: {unknown['words']}."
     if "slow_noise" in unknown:
-        apart = "a pause, or the same motion again or at another speed, would"
-        return f"Missing: {_missing_beside(document)}; {apart}."
+        return f"Missing: {_missing_beside(document)}; {_IN_SLOW_NOISE}, would."
     if document["answer"]:
         causes = " and ".join(
             " or ".join(_named(document, id, len(members) == 1) for id in members)
@@ -211,6 +212,7 @@ def _without_name(document: Mapping[str, Any]) -> str:
     errs, nothing = f"{model['name']} errs {given}", "nothing that these data could show"
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
     refitted = f"fitted again {again}, " if model["refitted"] and again != given else ""
+    alike = model.get("neighbours_alike") is not None
     weak = "has no name" if _errs_far(model) else "is too weak to be named"
     said = {
         "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",
@@ -218,7 +220,7 @@ def _without_name(document: Mapping[str, Any]) -> str:
         f"{errs}, fitted again {again}",
         "effect": f"what {model['name']} lacks {weak}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
-        "noise": f"{nothing}, though {errs}",
+        "noise": f"{nothing}, though {errs}{' and neighbouring rows err alike' * alike}",
         "rows": f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
         "they count less",
     }.get("rows" if model["reason"] == "rows" else model["answer"], f"{nothing}{bounded}")
@@ -335,14 +337,18 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
     yield from _of_unknown(unknown)
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: the details list what these data cannot test"
-    before = document["held_out"]["before"]
-    if document["verdict"] == "none" and before > FAR_BEYOND_NOISE:
-        model = document["model"]
-        if document["noise"]["source"] == "declared" and _errs_far(model):
+    before, model = document["held_out"]["before"], document["model"]
+    if document["verdict"] == "none":
+        far = before > FAR_BEYOND_NOISE
+        beyond = model["answer"] == "noise" or (far and _errs_far(model))
+        if beyond and model.get("neighbours_alike") is not None:
+            yield f"{_IN_SLOW_NOISE}: tells slow noise from a missing effect"
+        elif beyond and document["noise"]["source"] == "declared":
             yield "measure a part twice: tells larger noise from a missing effect"
-        base = model["base"]
-        yield f"measure more: on held-out rows {base} errs {before:.2g} times the noise"
-    if document["verdict"] == "none" and document["model"]["answer"] == "effect":
+        if far:
+            errs = f"{model['base']} errs {before:.2g} times the noise"
+            yield f"measure more: on held-out rows {errs}"
+    if document["verdict"] == "none" and model["answer"] == "effect":
         yield "measure more poses, each of them twice: what is missing is too weak for these rows"
     if document["noise"]["source"] == "assumed":
         yield "measure a part twice: the noise is only assumed"
@@ -362,7 +368,7 @@ def _told_apart(document: Mapping[str, Any]) -> Iterator[str]:
 
 def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     if "slow_noise" in unknown:
-        yield "a pause, or the same motion again or at another speed"
+        yield _IN_SLOW_NOISE
     if unknown.get("variables") == ["run"]:
         yield "record in a column what was set or changed between the runs: a pressure, a weight"
     elif unknown.get("variables") == ["pose"]:

@@ -83,6 +83,7 @@ QUANTITIES = {
     ),
     "dwell": Quantity("time", "dwell dwelltime", "", ("dwell_s",)),
     "temperature": Quantity("temperature", "temp temperature", "", ("temperature_degC",)),
+    "sensor temperature": Quantity("temperature", "", "", ("sensor_temperature_degC",)),
     "strain": Quantity("strain", "strain stretch dehnung"),
     "stress": Quantity("stress", "stress"),
 }
@@ -173,6 +174,8 @@ _IGNORED = frozenset(
     | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw", "mocap", "vicon"}
 )
 """Words that say where or how something was measured, not what."""
+_OF_SENSOR = frozenset({"sensor", "ft", "fts", "ati"})
+"""Words before a temperature that is that of the sensor; a temperature sensor is a thermometer."""
 _SIDES = frozenset({"r", "l", "right", "left"})
 """Last words that say which of two limbs: ankle_angle_r."""
 _NOT_MEASURED = frozenset(
@@ -309,6 +312,8 @@ def read_name(name: str, unit_word: str = "") -> Named:
     ['position', 'torque']
     >>> read_name("Force X (V)").guesses, read_name("Force X limit").guesses
     ((), ())
+    >>> [read_name(name).guesses[0].standard() for name in ("FT temp [K]", "Temp sensor [degC]")]
+    ['sensor_temperature_degC', 'temperature_degC']
     >>> read_name("P1 [kPa]").guesses[0].part, read_name("Run").guesses[0].part
     ('pressure_1_Pa', 'run')
     """
@@ -438,6 +443,8 @@ def words_of(name: str) -> list[str]:
 
 def _guesses(tokens: list[str]) -> tuple[Guess, ...]:
     labview = tokens == ["x", "value"]  # LabVIEW's first column, which mostly is time
+    if len(tokens) > 1 and tokens[0] in _OF_SENSOR and _quantities(tokens[1]) == ["temperature"]:
+        return (Guess("sensor temperature"),)
     tokens = [token for token in tokens if token not in _IGNORED] or tokens[-1:]
     for word in ("".join(tokens), *(token for token in tokens if token in _AMONG_OTHERS)):
         if word in _NAMED_ANGLES:

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from ecm.errors import InputError
-from ecm.io.arrays import I, rms_of_columns
+from ecm.io.arrays import F, I, rms_of_columns
 from ecm.io.events import Progress, Steps
 from ecm.io.settings import ENERGY_DEGREES, setting
 from ecm.io.table import Table
@@ -27,7 +27,7 @@ from ecm.models.maps import (
 )
 from ecm.models.partial import fit_measured, is_partial, need_pose
 from ecm.regression.folds import spread_rows
-from ecm.regression.noise import declared_noise
+from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.normal_equations import few_rows
 
 GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
@@ -45,6 +45,8 @@ _STRETCHES = 5
 """Stretches of these rows, of which the middle one is predicted from the others."""
 _OVERFITTED = 20.0
 """Error over spread that no model has that the rows hold."""
+_RUN_AWAY = 2.0
+"""Error over that of least squares which no noise of the pose explains."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,7 @@ class EnergyModel(ModelSpecification):
             _refuse_overfitted(terms, table)
         noise = declared_noise(table)
         if weights == "spread":
-            first = terms.fit(table.poses, table.wrenches)
-            return FittedMap(first, noise, np.asarray(first.model.covariance))
+            return _by_spread(terms, table, noise)
         few = few_rows(table)
         start: StiffnessMap = terms.fit(few.poses, few.wrenches)
         many = len(few) < len(table)
@@ -135,7 +136,8 @@ class EnergyModel(ModelSpecification):
             told = steps.within(_FEW)
             start = fit_with_pose_noise(few, start, noise, terms, progress=told).base
         told = steps.within(_ALL)
-        return fit_with_pose_noise(table, start, noise, terms, near=many, progress=told)
+        found = fit_with_pose_noise(table, start, noise, terms, near=many, progress=told)
+        return _kept_near(table, found, terms)
 
     def maps_without(
         self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
@@ -149,6 +151,30 @@ class EnergyModel(ModelSpecification):
         return fits_without_folds(table, start, noise, terms, fold, progress)
 
     map_from_document = staticmethod(EnergyMap.from_document)
+
+
+def _by_spread(terms: EnergyTerms, table: Table, noise: Noise) -> FittedMap:
+    """Least squares, each component by its own spread."""
+    first = terms.fit(table.poses, table.wrenches)
+    return FittedMap(first, noise, np.asarray(first.model.covariance))
+
+
+def _kept_near(table: Table, found: FittedMap, terms: EnergyTerms) -> FittedMap:
+    """The fit with pose noise, or least squares where a component of it ran away.
+
+    A stiffer map has more noise, and so less weight on what it misses. Far from the truth poses and
+    weights may run away together: no pass is the last, or no wrench at all would be nearer.
+    """
+
+    def error(fitted: FittedMap) -> F:
+        return rms_of_columns(fitted.base.predict(table.poses) - table.wrenches)
+
+    nearest = rms_of_columns(table.wrenches) if found.converged else np.zeros(6)
+    if (error(found) <= nearest).all():
+        return found
+    plain = _by_spread(terms, table, found.noise)
+    near = error(found) <= np.maximum(_RUN_AWAY * error(plain), nearest)
+    return found if near.all() else plain
 
 
 def _start(terms: EnergyTerms, table: Table) -> EnergyMap:

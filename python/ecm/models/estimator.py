@@ -21,12 +21,11 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.evaluation import error_of_report, on_what_is_measured
 from ecm.models.expression import FunctionModel
 from ecm.models.fit import constrained, fit_rows, refuse_unused_inputs
-from ecm.models.fit_summary import held_out_shares
+from ecm.models.fit_summary import quick_shares
 from ecm.models.maps import CHOOSE, ModelSpecification, Weights
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
-from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import refuse_unless_forced
 from ecm.models.registry import parse_model
 from ecm.models.selection import choose_model
@@ -129,9 +128,7 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     known["poses"] = sample_of(table, taken_by(fitted.base))
     fitted = replace(fitted, training={**fitted.training, **known})
     if not force:
-        # Ten more fits of a polynomial take a second; those of an energy or a network take minutes.
-        quick = isinstance(specification, PolynomialModel)
-        held_out = held_out_shares(table, specification, fitted.base) if quick else None
+        held_out = quick_shares(table, specification, fitted.base)
         refuse_unless_forced("fit", fitted, table.measured(), held_out=held_out)
     return fitted
 

@@ -142,6 +142,13 @@ def held_out_shares(
         return None
 
 
+def quick_shares(
+    table: Table, model: ModelSpecification, base: StiffnessMap
+) -> dict[str, float] | None:
+    """`held_out_shares` of a polynomial, whose ten more fits take a second; of others minutes."""
+    return held_out_shares(table, model, base) if isinstance(model, PolynomialModel) else None
+
+
 def _single(model: ModelSpecification) -> bool:
     with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
     return with_threshold or isinstance(model, PhysicsModel)

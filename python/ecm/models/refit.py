@@ -23,6 +23,7 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
+from ecm.models.fit_summary import quick_shares
 from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
@@ -318,7 +319,8 @@ def remedy_with_base(
         found = base.add(*effects).fit(table, with_ceiling=False)
         if (error := found.history[-1].held_out) > most_error:
             return None
-        refuse_worse(found, table)
+        shares = None if effects else quick_shares(table, specification, base.base)
+        refuse_worse(found, table, held_out=shares)
         if effects and (objections(found, table, base) or _better_base(found, table) is not None):
             return None
     except (EcmError, np.linalg.LinAlgError):

@@ -163,7 +163,7 @@ class TimeEffects:
     def lost_sentences(self) -> tuple[str, ...]:
         """Each effect that is lost: its size, and why."""
         return tuple(
-            f"{id} is {size} (rms) and left out, {self.left_out[id]}"
+            f"{id} is {size} (rms) and left out ({self.left_out[id]})"
             for id, size in self.lost.items()
         )
 
@@ -238,8 +238,8 @@ def _without_steps(model: EvaluatedModel, id: str, to: str) -> str:
             return "along a single coordinate only c and fmu step"
         return NEEDS_POLYNOMIAL if id in _ALONG_A_LINE else _NOT_ALONG_A_LINE
     return (
-        "only all six columns, or one of each in c and fmu, step; ecm predict has it for a whole "
-        "table"
+        "files have a state for all six columns, in c and fmu also for one of the pose and one of "
+        "the wrench: a model for each axis; ecm predict has it for a whole table"
     )
 
 
