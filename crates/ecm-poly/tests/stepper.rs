@@ -3,7 +3,7 @@
 
 mod common;
 
-use ecm_poly::stepper::{Branch, Effects, Inputs, State, Stepper};
+use ecm_poly::stepper::{Branch, Effects, Inputs, State, Stepper, diagonal};
 use ecm_poly::{EnergyModel, Pose, Wrench};
 use ecm_se3::linear::{Mat3, Vec3, apply, apply_transposed, cross};
 use ecm_se3::{Mat6, Vec6, half_rotation, rotation_matrix, rotation_vector};
@@ -24,9 +24,9 @@ fn effects(all: bool) -> Effects<f64> {
     };
     let stiffness = [4.2e4, 5.1e3, 5.1e3, 9.0, 19.0, 19.0];
     let mut effects = Effects::none(LENGTH);
-    effects.stiffness = stiffness;
+    effects.stiffness = diagonal(&stiffness);
     effects.branches = [branch(0.3, 2.0, true), branch(0.2, 40.0, !all)];
-    effects.friction = stiffness.map(|k| 0.2 * k);
+    effects.friction = diagonal(&stiffness.map(|k| 0.2 * k));
     effects.slip = [1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2];
     if all {
         effects.softer_per_kelvin = 4e-3;
@@ -169,7 +169,7 @@ proptest! {
     fn after_a_long_rest_it_is_settled(way in way()) {
         let model = neck();
         let mut effects = effects(true);
-        effects.friction = [0.0; 6];
+        effects.friction = [[0.0; 6]; 6];
         effects.softening = 0.0;
         effects.set_share = 0.0;
         let stepper = Stepper { model: &model, effects };
@@ -231,7 +231,7 @@ proptest! {
         effects.damping = [0.0; 2];
         effects.softening = 0.0;
         effects.set_share = 0.0;
-        effects.friction = [0.0; 6];
+        effects.friction = [[0.0; 6]; 6];
         let stepper = Stepper { model: &model, effects };
         let inputs = effects.default_inputs();
         let turn = rotation_matrix(&[angle, 0.0, 0.0]);
@@ -387,7 +387,7 @@ fn slow_branches_fade_in_single_precision_as_well() {
         }
     }
     let mut effects = Effects::<f32>::none(0.1);
-    effects.stiffness = [1e4; 6];
+    effects.stiffness = diagonal(&[1e4; 6]);
     effects.branches[0] = Branch {
         share: 1.0,
         tau_s: 1e5,
@@ -437,7 +437,7 @@ fn a_single_coordinate_is_the_first_of_six() {
         way.iter().map(step).collect()
     };
     let mut relaxes = Effects::none(0.0);
-    relaxes.stiffness[0] = 100.0;
+    relaxes.stiffness[0][0] = 100.0;
     relaxes.branches[0] = Branch {
         share: 0.5,
         tau_s: 1.0,
@@ -445,7 +445,7 @@ fn a_single_coordinate_is_the_first_of_six() {
     };
     assert_eq!(steps(relaxes, &[(0.1, 0.0)]), [[15.0, 150.0]]);
     let mut rubs = Effects::none(0.0);
-    (rubs.friction[0], rubs.slip[0]) = (20.0, 0.05);
+    (rubs.friction[0][0], rubs.slip[0]) = (20.0, 0.05);
     let there_and_back = steps(rubs, &[(0.1, 0.1), (0.075, 0.1)]);
     assert_eq!(there_and_back, [[11.0, 100.0], [8.0, 120.0]]);
     // Nothing is added within a play: on the way there, and on the way back after the slip.
@@ -505,7 +505,7 @@ fn a_pose_beyond_the_limits_is_refused_and_the_state_stays() {
 #[test]
 fn a_step_is_the_static_wrench_and_the_shares_of_its_branches() {
     let (model, mut effects) = (neck(), effects(false));
-    effects.friction = [0.0; 6];
+    effects.friction = [[0.0; 6]; 6];
     let stepper = Stepper {
         model: &model,
         effects,

@@ -24,10 +24,10 @@ from ecm.effects.ageing import (
     ThermalExpansion,
 )
 from ecm.effects.friction import Hysteresis
-from ecm.effects.pairs import numbers, split, turns
+from ecm.effects.pairs import listed_pairs, numbers, turns
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
@@ -43,7 +43,7 @@ from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
 NEEDS_ENERGY = "steps need an energy or physics model: fit one"
-NEEDS_POLYNOMIAL = "steps along a single coordinate need a polynomial: fit one"
+NEEDS_POLYNOMIAL = "steps of fewer than all six columns need a polynomial: fit one"
 _NOT_PASSIVE = (
     "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
     "large cycles. Keep the loop's own damping."
@@ -176,7 +176,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = Fa
     model
         A fitted model; its effects of the pose are no matter of this function.
     to
-        Language of the files: `c` steps along a single coordinate as well, `none` has no state.
+        Language of the files: `c` and `rust` step, `none` has no state.
     recorded
         Whether the files take the recorded inputs of actuators, and step to those that act.
 
@@ -201,14 +201,12 @@ def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = Fa
         if counts and item.id in found.left_out and (size := _size_of(model, item.id)):
             found.lost[item.id] = size
     if found.acting:
-        found.document["limits"] = _limits(model, _is_line(model, to))
+        found.document |= _limits(model)
     return found
 
 
 def _placed(found: TimeEffects, model: EvaluatedModel, item: FittedEffect, to: str) -> str:
     """Add an effect to the steps, or say why it has none."""
-    line = _is_line(model, to)
-    kind, kinds = model.base.document().get("kind"), ("polynomial",) if line else _ENERGIES
     if item.effect.side == "measurement":
         return _OF_THE_RIG.get(item.id, "an error of the instruments: the robot does not have it")
     if item.id in OF_INPUTS and found.of_inputs:
@@ -217,30 +215,19 @@ def _placed(found: TimeEffects, model: EvaluatedModel, item: FittedEffect, to: s
         return OF_INPUTS.get(item.id, "files with actuators have no state")
     if to == "none":
         return "these files have no state and no temperature"
-    if kind not in kinds or (line and item.id not in _ALONG_A_LINE):
-        return _without_steps(model, item.id, to)
-    why = _add(found, model, item.effect, item.values)
+    why = _without_steps(model, item.id) or _add(found, model, item.effect, item.values)
     found.acting += [] if why else [item.id]
     return why
 
 
-def _is_line(model: EvaluatedModel, to: str) -> bool:
-    """Whether the files step along a single coordinate."""
-    return to == "c" and len(model.base.inputs) == len(model.base.outputs) == 1
-
-
-def _without_steps(model: EvaluatedModel, id: str, to: str) -> str:
-    """Why the files of a model have no steps of an effect, and what has."""
+def _without_steps(model: EvaluatedModel, id: str) -> str:
+    """Why the base of a model has no steps of an effect; empty where it has."""
+    kind = model.base.document().get("kind")
     if is_whole(model.base):
-        return NEEDS_ENERGY
-    if len(model.inputs) == len(model.outputs) == 1:
-        if to != "c":
-            return "along a single coordinate only c and fmu step"
-        return NEEDS_POLYNOMIAL if id in _ALONG_A_LINE else _NOT_ALONG_A_LINE
-    return (
-        "files have a state for all six columns, in c and fmu also for one of the pose and one of "
-        "the wrench: a model for each axis; ecm predict has it for a whole table"
-    )
+        return "" if kind in _ENERGIES else NEEDS_ENERGY
+    if id not in _BY_COLUMNS:
+        return _NOT_BY_COLUMNS
+    return "" if kind == "polynomial" else NEEDS_POLYNOMIAL
 
 
 def _size_of(model: EvaluatedModel, id: str) -> str:
@@ -252,14 +239,24 @@ def _size_of(model: EvaluatedModel, id: str) -> str:
     return f"{over_noise:.2g} times the measurement noise" if over_noise > _SMALL else ""
 
 
-def _limits(model: EvaluatedModel, line: bool) -> list[float]:
-    """Largest |c| and |theta| of a step; along a single coordinate its least and largest value."""
-    if not line:
-        return [_FARTHEST * float(largest) for largest in largest_coordinates(model)]
+def _limits(model: EvaluatedModel) -> dict[str, list[float]]:
+    """Largest |c| and |theta| of a step; of fewer columns than all six least and largest values."""
+    if is_whole(model.base):
+        return {"limits": [_FARTHEST * float(largest) for largest in largest_coordinates(model)]}
     poses = measured_poses(model)
-    middle, half = 0.5 * (poses.max() + poses.min()), 0.5 * (poses.max() - poses.min())
-    far = _FARTHEST * float(half or abs(middle) or 1.0)
-    return [float(middle) - far, float(middle) + far]
+    low, high = poses.min(axis=0), poses.max(axis=0)
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
+    far = _FARTHEST * np.where(half > 0.0, half, np.where(middle != 0.0, np.abs(middle), 1.0))
+    ends = np.zeros((2, len(POSE)))
+    ends[:, _places(model)[1][0]] = middle - far, middle + far
+    return {"columns": ends.ravel().tolist()}
+
+
+def _places(model: EvaluatedModel) -> tuple[I, I]:
+    """Where the outputs (m, 1) and inputs (1, n) lie among the six of a wrench and of a pose."""
+    outputs = [WRENCH.index(name) for name in model.outputs]
+    inputs = [POSE.index(name) for name in model.inputs]
+    return np.array(outputs)[:, None], np.array(inputs)[None]
 
 
 def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F) -> str:
@@ -280,16 +277,23 @@ def _relaxation(
     found: TimeEffects, model: EvaluatedModel, effect: StressRelaxation, values: F
 ) -> str:
     linear = effect.overstress == "linear"
-    if not is_whole(model.base):  # along a single coordinate
-        slope = np.reshape(model.of_fit.get("mean_stiffness", np.nan), (1, 1))
-        if linear and np.isnan(slope).any():
+    if not is_whole(model.base):
+        m, n = len(model.outputs), len(model.inputs)
+        known = model.of_fit.get("mean_stiffness")
+        if known is None and linear:
             return "its stiffness is not in the model file; ecm refit writes it"
+        slope = np.zeros((m, n)) if known is None else np.reshape(known, (m, n))
+        # The signs that its columns had in the fit.
+        signs = turns(effect.loses, slope, model.inputs, model.outputs)
         if linear:
-            found.document["stiffness"] = _single(slope[0, 0])
+            stiffness = np.zeros((len(WRENCH), len(POSE)))
+            stiffness[_places(model)] = signs[:, None] * slope
+            found.document["stiffness"] = stiffness.ravel().tolist()
+        elif (signs != signs[0]).any():
+            return "it resists in some columns and not in others, which only its linear form steps"
         else:
             found.warnings.append(_NOT_PASSIVE)
-        if effect.loses:  # the sign that its columns had in the fit
-            values = values * turns(effect.loses, slope, model.base.inputs, model.base.outputs)
+            values = values * signs[0]
     else:
         if (effect.overstress or effect.path) and effect.frame != "middle":
             return "fitted in base axes, as older versions did: ecm refit fits it in the mid frame"
@@ -319,21 +323,20 @@ def _relaxation(
     return ""
 
 
-def _single(number: float) -> list[float]:
-    """Six numbers, of which a step along a single coordinate takes the first."""
-    return [float(number)] + [0.0] * 5
-
-
 def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, values: F) -> str:
-    if not is_whole(model.base):  # one spring: the pair's friction over the path to the slip
+    if not is_whole(model.base):  # a spring of a pair: its friction over the path to the slip
         if effect.of is None:
-            return _NOT_ALONG_A_LINE
-        name, _, sign = split(effect.of)
-        path = numbers(effect.slip)[name]
-        pulls = path * (1.0 - effect.play)
-        found.document["friction"] = _single(sign * float(values[0]) / pulls)
-        found.document["slip"] = _single(path)
-        found.document["play"] = _single(path - pulls)
+            return _NOT_BY_COLUMNS
+        paths = numbers(effect.slip)
+        slip = np.array([paths.get(name, 0.0) for name in POSE])
+        pulls = slip * (1.0 - effect.play)
+        friction = np.zeros((len(WRENCH), len(POSE)))
+        for (name, other, sign), value in zip(listed_pairs(effect.of), values, strict=True):
+            j = POSE.index(name)
+            friction[WRENCH.index(other), j] = sign * value / pulls[j]
+        found.document["friction"] = friction.ravel().tolist()
+        found.document["slip"] = slip.tolist()
+        found.document["play"] = (slip - pulls).tolist()
         return ""
     if effect.yield_m <= 0.0 and not effect.slip:
         return (
@@ -362,8 +365,6 @@ def _temperature(
 
 
 def _growth(found: TimeEffects, model: EvaluatedModel, effect: ThermalExpansion, values: F) -> str:
-    if len(model.outputs) == 1 and model.outputs != ("fx_N",):
-        return _NOT_ALONG_A_LINE
     if any(item.id in _WITH_A_MEMORY for item in model.effects):
         # A state begins without a temperature: its first step would be the whole growth at once.
         return "it has no step beside effects with a memory"
@@ -480,7 +481,9 @@ _MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
 _WITH_A_MEMORY = {
     "stress_relaxation", "hysteresis", "viscous_damping", "mullins_softening", "permanent_set"
 }  # fmt: skip
-_ALONG_A_LINE = (
+_BY_COLUMNS = (
     "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing"
 )  # fmt: skip
-_NOT_ALONG_A_LINE = "it has no step along a single coordinate"
+_NOT_BY_COLUMNS = (
+    "with fewer than all six columns it has no step; ecm predict has it for a whole table"
+)

@@ -4,6 +4,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
+use ecm_se3::Mat6;
 use serde_json::{Map, Value};
 
 use crate::energy::expansion::Expansion;
@@ -11,13 +12,13 @@ use crate::energy::invariants::Symmetry;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, columns, identifier};
+use crate::export::model::{Model, Places, columns, identifier, steps_of_columns};
 use crate::export::reach::{Reach, inside_words, within};
 use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, most_step, turns};
 use crate::export::{Precision, SourceFile, filled, list};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
-use crate::stepper::{Branch, Effects, STATE_NUMBERS};
+use crate::stepper::{Branch, Effects};
 
 const WITHIN: [&str; 3] = [
     include_str!("templates/inside_reach.c"),
@@ -38,7 +39,7 @@ pub fn export(
 /// among the golden vectors.
 ///
 /// # Errors
-/// As [`export`], and effects beside a polynomial of more than one column.
+/// As [`export`], and effects beside actuators, or beside a polynomial unless they have `columns`.
 pub fn export_with_effects(
     document: &Map<String, Value>,
     name: &str,
@@ -47,17 +48,7 @@ pub fn export_with_effects(
 ) -> Result<Vec<SourceFile>, ModelError> {
     let name = identifier(name)?;
     let model = Model::from_document(document)?;
-    let line = model.shape() == (1, 1);
-    if effects.is_some() && !line && !matches!(model, Model::Energy(_)) {
-        return Err(ModelError::Setting {
-            name: "model",
-            found: match model {
-                Model::Actuated(_) => "a model with actuators and effects of time".to_string(),
-                _ => "a polynomial with effects of time".to_string(),
-            },
-            expected: "an energy, or one column to one: fit one, or remove the effects of time",
-        });
-    }
+    steps_of_columns(&model, effects, false)?;
     let (n, m) = model.shape();
     let reach = Reach::of_model(document, &model)?;
     let text = |key: &str| {
@@ -137,10 +128,11 @@ pub fn export_with_effects(
     let mut golden = golden_header(&golden, &name, (n, m), &turns);
     let steps = match effects {
         Some(effects) => {
-            let history = History::new(&model, reach.as_ref(), effects, precision)?;
+            let places = Places::new(&inputs, &outputs)?;
+            let history = History::new((&model, &places), reach.as_ref(), effects, precision)?;
             let place = golden.rfind("#endif").unwrap_or(golden.len());
             golden.insert_str(place, &history_tables(&history, &name, (n, m)));
-            Steps::new(effects, precision, numbers, n)
+            Steps::new(effects, precision, numbers, &places)
         }
         None => Steps::default(),
     };
@@ -193,29 +185,31 @@ struct Steps {
 }
 
 impl Steps {
-    /// Along n coordinates: six of a pose, or one, which has no frame.
-    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, n: usize) -> Self {
+    /// In the mid frame of a pose, or of the columns at these places, which have no frame.
+    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, places: &Places) -> Self {
+        let (n, m) = (places.inputs.len(), places.outputs.len());
         let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
         let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
         let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
         let number = |x: f64| format!("{x:e}");
-        let (frame, own, any, words) = match n {
-            1 => (
-                include_str!("templates/frame_line.c"),
-                21,
-                [-1e30, 1e30],
+        let (frame, own, farthest, words) = match &effects.columns {
+            Some(ends) => (
+                include_str!("templates/frame_columns.c"),
+                8 * n + 6 * m + 5 * n * m + 6,
+                row(&ends.map(|end| places.of_inputs(&end)).concat()),
                 ["", ""],
             ),
-            _ => (
+            None => (
                 include_str!("templates/frame_pose.c"),
-                376,
-                [1e15, 1e15],
+                400,
+                row(&effects.limits.unwrap_or([1e15, 1e15])),
                 [", in the mid frame", ": what @NAME@_adapt takes"],
             ),
         };
         let stack = ((numbers + own) * precision.size() + 800).next_multiple_of(16);
-        // All of a state but the largest work has a number for each coordinate.
-        let kept = (STATE_NUMBERS - 1) / 6 * n + 1;
+        let kept = 3 * n + 5 * m + 1;
+        let flags = |of: &[usize]| list(of.iter().map(|&place| u8::from(place > 2).to_string()));
+        let matrix = |of: &Mat6<f64>| row(&places.of_matrix(of).concat());
         let ahead = stack + (kept + 16) * precision.size();
         let ranges = effects.input_ranges();
         let parts = [
@@ -239,19 +233,23 @@ impl Steps {
         let source = filled(
             &filled(include_str!("templates/stepper.c"), &parts),
             &[
-                ("STIFFNESS", &row(&effects.stiffness[..n])),
+                ("STIFFNESS", &matrix(&effects.stiffness)),
                 ("SHARES", &branch(|b| b.share)),
                 ("TAUS", &branch(|b| b.tau_s)),
                 ("LINEAR", &branch(|b| f64::from(u8::from(b.linear)))),
-                ("FRICTION", &row(&effects.friction[..n])),
-                ("SLIP", &row(&effects.slip[..n])),
-                ("PLAY", &row(&effects.play[..n])),
+                ("FRICTION", &matrix(&effects.friction)),
+                ("SLIP", &row(&places.of_inputs(&effects.slip))),
+                ("PLAY", &row(&places.of_inputs(&effects.play))),
+                ("ANGLES", &flags(&places.inputs)),
+                ("MOMENTS", &flags(&places.outputs)),
+                ("PAIRS", &n.min(m).to_string()),
+                ("COUPLED", &u8::from(effects.columns.is_some()).to_string()),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("GROWTH", &number(effects.growth_per_kelvin)),
                 ("AGEING", &number(effects.ageing_per_s)),
                 ("SETTLING", &number(effects.settling_per_s)),
-                ("FARTHEST", &row(&effects.limits.unwrap_or(any))),
+                ("FARTHEST", &farthest),
                 ("SOFTENING", &number(effects.softening)),
                 ("SETSHARE", &number(effects.set_share)),
                 ("LEASTINPUTS", &row(&ranges.map(|r| r[0]))),

@@ -8,7 +8,7 @@ use ecm_se3::{Mat6, Pose, Vec6, Wrench};
 use crate::error::ModelError;
 use crate::export::Precision;
 use crate::export::golden::{Golden, wave};
-use crate::export::model::Model;
+use crate::export::model::{Model, Places};
 use crate::export::reach::Reach;
 use crate::stepper::{Effects, Elastic, Inputs, Stepper};
 
@@ -37,27 +37,22 @@ pub struct History {
 const DTS: [f64; 7] = [0.0, 1e-3, 0.1, 1e-3, 1.0, 20.0, 3600.0];
 
 impl History {
-    /// The history of a model of six pose and six wrench columns, or of one and one.
+    /// The history of a model whose columns lie at these places.
     pub fn new(
-        model: &Model,
+        model: (&Model, &Places),
         reach: Option<&Reach>,
         effects: &Effects<f64>,
         precision: Precision,
     ) -> Result<Self, ModelError> {
-        let points = Golden::within(model, reach, precision)?.points;
-        if model.shape() != (1, 1) {
-            return Self::along(&points, model, effects, precision);
-        }
-        let mut first = *effects;
-        // The limits of a single coordinate are none of a pose; golden points are within them.
-        (first.length_m, first.limits) = (0.0, None);
-        Self::along(&points, &FirstOfSix(model), &first, precision)
+        let points = Golden::within(model.0, reach, precision)?.points;
+        let map = OfColumns(model.0, model.1);
+        Self::along(&points, &map, effects, precision)
     }
 
     /// Each point twice: after the move a rest.
     fn along(
         points: &[Vec<f64>],
-        model: &impl Elastic<f64>,
+        model: &OfColumns<'_>,
         effects: &Effects<f64>,
         precision: Precision,
     ) -> Result<Self, ModelError> {
@@ -65,10 +60,13 @@ impl History {
             model,
             effects: *effects,
         };
-        let n = points.first().map_or(0, Vec::len);
+        let places = model.1;
         let pose = |point: &[f64]| {
-            let number = |j| point.get(j).copied().unwrap_or(0.0);
-            Pose::checked(&core::array::from_fn(number))
+            let mut all = [0.0; 6];
+            for (x, &place) in point.iter().zip(&places.inputs) {
+                all[place] = *x;
+            }
+            Pose::checked(&all)
         };
         let start = points.first().and_then(|point| stepper.init(&pose(point)?));
         let mut state = start.ok_or_else(refused)?;
@@ -89,8 +87,8 @@ impl History {
             let at = pose(&point);
             let found = at.and_then(|pose| stepper.step(&mut state, &pose, dt, &told));
             let (h, k) = found.ok_or_else(refused)?;
-            let wrench = h.to_array()[..n].to_vec();
-            let tangent: Vec<f64> = k[..n].iter().flat_map(|row| row[..n].to_vec()).collect();
+            let wrench = places.of_outputs(&h.to_array());
+            let tangent = places.of_matrix(&k).concat();
             for (size, values) in largest.iter_mut().zip([&wrench, &tangent]) {
                 *size = values.iter().fold(*size, |m, x| m.max(x.abs()));
             }
@@ -117,7 +115,7 @@ fn refused() -> ModelError {
     ModelError::Setting {
         name: "effects",
         found: "steps that are refused".to_string(),
-        expected: "effects of time beside a model of all six columns or of one, finite in its range",
+        expected: "effects of time beside a model that is finite in its range",
     }
 }
 
@@ -138,16 +136,28 @@ impl Elastic<f64> for Model {
     }
 }
 
-/// A map of one coordinate as the first of six, so that no stepper is needed for a line: where θ = 0
-/// the mid frame turns nothing, and the other five stay zero.
-struct FirstOfSix<'a>(&'a Model);
+/// A map whose columns lie at places among six, of which the others stay zero.
+struct OfColumns<'a>(&'a Model, &'a Places);
 
-impl Elastic<f64> for FirstOfSix<'_> {
+impl Elastic<f64> for OfColumns<'_> {
     fn wrench_and_stiffness(&self, pose: &Pose<f64>) -> (Wrench<f64>, Mat6<f64>) {
+        let Self(model, places) = self;
+        if model.shape() == (6, 6) {
+            return model.wrench_and_stiffness(pose);
+        }
         let (mut wrench, mut stiffness) = ([0.0; 6], [[0.0; 6]; 6]);
-        let found = self.0.value_and_jacobian(&pose.to_array()[..1]);
-        let (value, slope) = found.map_or((f64::NAN, f64::NAN), |(h, k)| (h[0], k[0]));
-        (wrench[0], stiffness[0][0]) = (value, slope);
+        match model.value_and_jacobian(&places.of_inputs(&pose.to_array())) {
+            Ok((h, k)) => {
+                let rows = k.chunks_exact(places.inputs.len());
+                for ((&i, value), row) in places.outputs.iter().zip(h).zip(rows) {
+                    wrench[i] = value;
+                    for (&j, slope) in places.inputs.iter().zip(row) {
+                        stiffness[i][j] = *slope;
+                    }
+                }
+            }
+            Err(_) => wrench = [f64::NAN; 6],
+        }
         (Wrench::from_array(&wrench), stiffness)
     }
 }

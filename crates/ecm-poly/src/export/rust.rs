@@ -8,7 +8,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-use ecm_se3::Real;
+use ecm_se3::{Real, Vec6};
 use serde_json::{Map, Value};
 
 use crate::cubic::Cubic;
@@ -18,7 +18,7 @@ use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, columns, identifier};
+use crate::export::model::{Model, Places, columns, identifier, steps_of_columns};
 use crate::export::reach::{Reach, inside_words, within};
 use crate::export::source;
 use crate::export::terms::{Terms, half_turn_squared, most_step, turns};
@@ -45,7 +45,8 @@ pub fn export(
 /// The same with effects of time: `init`, `step`, `settled`, and a golden history of steps.
 ///
 /// # Errors
-/// As [`export`], and effects beside another polynomial than a cubic of six by six.
+/// As [`export`], and effects beside actuators, or beside another polynomial than a cubic of six by six
+/// unless they have `columns`.
 pub fn export_with_effects(
     document: &Map<String, Value>,
     name: &str,
@@ -56,16 +57,7 @@ pub fn export_with_effects(
     let model = Model::from_document(document)?;
     let real = precision.in_rust();
     let plain = matches!(&model, Model::Polynomial(p) if !is_cubic(p));
-    if effects.is_some() && (plain || matches!(model, Model::Actuated(_))) {
-        return Err(ModelError::Setting {
-            name: "model",
-            found: match model {
-                Model::Actuated(_) => "a model with actuators and effects of time".to_string(),
-                _ => "a polynomial with effects of time".to_string(),
-            },
-            expected: "an energy, or a cubic from six to six columns: fit one, or remove the effects",
-        });
-    }
+    steps_of_columns(&model, effects, !plain)?;
     let (n, m) = model.shape();
     let reach = Reach::of_model(document, &model)?;
     let (inputs, outputs) = (columns(document, "inputs")?, columns(document, "outputs")?);
@@ -103,13 +95,20 @@ pub fn export_with_effects(
     ];
     let golden = Golden::within(&model, reach.as_ref(), precision)?;
     let (steps, history) = match effects {
-        Some(effects) => (
-            match precision {
-                Precision::Single => steps(&effects.narrowed::<f32>(), effects, precision, numbers),
-                Precision::Double => steps(effects, effects, precision, numbers),
-            },
-            history_test(&History::new(&model, reach.as_ref(), effects, precision)?),
-        ),
+        Some(effects) => {
+            let places = Places::new(&inputs, &outputs)?;
+            let history = History::new((&model, &places), reach.as_ref(), effects, precision)?;
+            let numbers = (numbers, &places);
+            (
+                match precision {
+                    Precision::Single => {
+                        steps(&effects.narrowed::<f32>(), effects, precision, numbers)
+                    }
+                    Precision::Double => steps(effects, effects, precision, numbers),
+                },
+                history_test(&history),
+            )
+        }
         None => (String::new(), String::new()),
     };
     let within = within(&model, reach.as_ref(), WITHIN, |x| {
@@ -132,6 +131,14 @@ pub fn export_with_effects(
         &body,
         &[
             ("FREEPOSE", free.as_deref().unwrap_or("")),
+            (
+                "MODULES",
+                if effects.is_some() {
+                    "\nmod evaluation;\n"
+                } else {
+                    ""
+                },
+            ),
             ("STEPPER", &steps),
             ("WITHIN", &within),
             ("INSIDEWORDS", words),
@@ -153,7 +160,7 @@ pub fn export_with_effects(
         file("src/lib.rs", filled(&body, &common)),
         file("tests/golden.rs", filled(&golden, &common)),
     ];
-    if !plain {
+    if !plain || effects.is_some() {
         files.extend(source::evaluation(effects.is_some(), false));
     }
     Ok(files)
@@ -294,9 +301,9 @@ fn steps<R: Real>(
     effects: &Effects<R>,
     exact: &Effects<f64>,
     precision: Precision,
-    numbers: usize,
+    (numbers, places): (usize, &Places),
 ) -> String {
-    let stack = ((numbers + 500) * precision.size() + 1200).next_multiple_of(16);
+    let stack = ((numbers + 530) * precision.size() + 1200).next_multiple_of(16);
     let ahead = (STATE_NUMBERS + 48) * precision.size() + 64;
     let [temperature, age] = exact.input_words();
     let inputs = |end: usize| {
@@ -308,6 +315,12 @@ fn steps<R: Real>(
         None => "None".to_string(),
     };
     let row = |values: &[R]| list(values.iter().map(|&x| number(x)));
+    let rows = |all: &[Vec6<R>]| list(all.iter().map(|values| format!("[{}]", row(values))));
+    let ends = effects
+        .columns
+        .as_ref()
+        .map(|ends| format!("Some([{}])", rows(ends)));
+    let at = |of: &[usize]| list(of.iter().map(usize::to_string));
     let branches = effects.branches.iter().map(|branch| {
         let (share, tau) = (number(branch.share), number(branch.tau_s));
         format!(
@@ -315,15 +328,23 @@ fn steps<R: Real>(
             branch.linear
         )
     });
+    // Copies of columns would cost a twentieth of a step of all six.
+    let of_map = match &effects.columns {
+        Some(_) => include_str!("templates/at_places.rs.txt"),
+        None => include_str!("templates/at_pose.rs.txt"),
+    };
     filled(
-        include_str!("templates/stepper.rs.txt"),
+        &filled(
+            include_str!("templates/stepper.rs.txt"),
+            &[("OFMAP", of_map)],
+        ),
         &[
             ("EFFECTS", &exact.names()),
             ("STATE", &(STATE_NUMBERS * precision.size()).to_string()),
             ("LENGTH", &number(effects.length_m)),
-            ("STIFFNESS", &row(&effects.stiffness)),
+            ("STIFFNESS", &rows(&effects.stiffness)),
             ("BRANCHES", &list(branches)),
-            ("FRICTION", &row(&effects.friction)),
+            ("FRICTION", &rows(&effects.friction)),
             ("SLIP", &row(&effects.slip)),
             ("PLAY", &row(&effects.play)),
             ("WARMER", &number(effects.softer_per_kelvin)),
@@ -337,6 +358,9 @@ fn steps<R: Real>(
             ("TEMPERATURES", &range(&effects.temperature_range_degc)),
             ("AGES", &range(&effects.age_range_s)),
             ("LIMITS", &range(&effects.limits)),
+            ("COLUMNS", ends.as_deref().unwrap_or("None")),
+            ("INPUTPLACES", &at(&places.inputs)),
+            ("OUTPUTPLACES", &at(&places.outputs)),
             ("LEASTINPUTS", &inputs(0)),
             ("LARGESTINPUTS", &inputs(1)),
             ("TEMPERATUREWORDS", &temperature),

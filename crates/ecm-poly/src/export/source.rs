@@ -32,6 +32,7 @@ const STEPPER: &[(&str, &str)] = &[
     ("stepper/mod.rs", include_str!("../stepper/mod.rs")),
     ("stepper/decay.rs", include_str!("../stepper/decay.rs")),
     ("stepper/effects.rs", include_str!("../stepper/effects.rs")),
+    ("stepper/frame.rs", include_str!("../stepper/frame.rs")),
     ("stepper/state.rs", include_str!("../stepper/state.rs")),
 ];
 

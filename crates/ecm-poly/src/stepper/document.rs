@@ -4,14 +4,16 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-use ecm_se3::{Real, Vec6};
+use ecm_se3::{Mat6, Real, Vec6};
 use serde_json::{Map, Value};
 
-use super::{BRANCHES, Branch, Effects};
+use super::{BRANCHES, Branch, Effects, diagonal};
 use crate::error::ModelError;
 
 impl Effects<f64> {
     /// From an object with the names of the fields; `branches` is a list, and what lacks is absent.
+    ///
+    /// A matrix is its six diagonal numbers or all 36, row by row; `columns` are twelve numbers.
     ///
     /// # Errors
     /// A number that is missing or not finite, a time constant or a length that is not above zero,
@@ -43,8 +45,8 @@ impl Effects<f64> {
         if length <= 0.0 {
             return Err(wrong("length_m", length.to_string(), "a length above 0 m"));
         }
-        effects.stiffness = numbers(document, "stiffness")?;
-        effects.friction = numbers(document, "friction")?;
+        effects.stiffness = matrix(document, "stiffness")?;
+        effects.friction = matrix(document, "friction")?;
         effects.slip = numbers(document, "slip")?;
         effects.play = numbers(document, "play")?;
         effects.damping = numbers(document, "damping")?;
@@ -62,6 +64,11 @@ impl Effects<f64> {
         effects.age_range_s = range(document, "age_range_s")?;
         let limits = document.get("limits");
         effects.limits = limits.map(|_| numbers(document, "limits")).transpose()?;
+        if document.contains_key("columns") {
+            let ends = numbers::<12>(document, "columns")?;
+            let end = |k: usize| core::array::from_fn(|j| ends[6 * k + j]);
+            (effects.length_m, effects.columns) = (0.0, Some([end(0), end(1)]));
+        }
         Ok(effects)
     }
 
@@ -70,7 +77,7 @@ impl Effects<f64> {
         let any = |values: &[f64]| values.iter().any(|&x| x != 0.0);
         let names = [
             ("stress_relaxation", any(&self.branches.map(|b| b.share))),
-            ("hysteresis", any(&self.friction)),
+            ("hysteresis", any(self.friction.as_flattened())),
             ("temperature_modulus", self.softer_per_kelvin != 0.0),
             ("thermal_expansion", self.growth_per_kelvin != 0.0),
             ("ageing", self.ageing_per_s != 0.0),
@@ -103,18 +110,18 @@ impl Effects<f64> {
 
     /// The nearest constants of another precision.
     pub fn narrowed<R: Real>(&self) -> Effects<R> {
-        let six = |v: &Vec6<f64>| v.map(R::from_f64);
+        let six = |v: Vec6<f64>| v.map(R::from_f64);
         Effects {
             length_m: R::from_f64(self.length_m),
-            stiffness: six(&self.stiffness),
+            stiffness: self.stiffness.map(six),
             branches: self.branches.map(|branch| Branch {
                 share: R::from_f64(branch.share),
                 tau_s: R::from_f64(branch.tau_s),
                 linear: branch.linear,
             }),
-            friction: six(&self.friction),
-            slip: six(&self.slip),
-            play: six(&self.play),
+            friction: self.friction.map(six),
+            slip: six(self.slip),
+            play: six(self.play),
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
             growth_per_kelvin: R::from_f64(self.growth_per_kelvin),
@@ -126,6 +133,7 @@ impl Effects<f64> {
             temperature_range_degc: self.temperature_range_degc.map(|r| r.map(R::from_f64)),
             age_range_s: self.age_range_s.map(|r| r.map(R::from_f64)),
             limits: self.limits.map(|r| r.map(R::from_f64)),
+            columns: self.columns.map(|ends| ends.map(six)),
         }
     }
 }
@@ -172,6 +180,18 @@ fn range(
         value.to_string(),
         "a least and a largest number",
     ))
+}
+
+/// Zeros where it is missing; six numbers are a diagonal.
+fn matrix(document: &Map<String, Value>, name: &'static str) -> Result<Mat6<f64>, ModelError> {
+    let count = document.get(name).and_then(Value::as_array).map(Vec::len);
+    if count == Some(36) {
+        let all = numbers::<36>(document, name)?;
+        return Ok(core::array::from_fn(|i| {
+            core::array::from_fn(|j| all[6 * i + j])
+        }));
+    }
+    Ok(diagonal(&numbers(document, name)?))
 }
 
 /// Zeros where the list is missing.

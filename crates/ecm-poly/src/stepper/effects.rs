@@ -20,17 +20,18 @@ pub struct Branch<R> {
 
 /// Effects of time beside a static map; an effect that is zero is absent.
 ///
-/// All act in the mid-frame coordinates q and their forces Q, and add to the static wrench h.
+/// All act in the mid-frame coordinates q and their forces Q, and add to the static wrench h. With
+/// fewer than all columns there is no frame: q is p and Q is h, each column in its place of six.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effects<R> {
     /// Undeformed length L (m).
     pub length_m: R,
-    /// k (N/m, N m/rad): diagonal of the stiffness at rest along q.
-    pub stiffness: Vec6<R>,
+    /// k (N/m, N m/rad): the stiffness at rest along q, of which a frame has the diagonal.
+    pub stiffness: Mat6<R>,
     /// Stress relaxation.
     pub branches: [Branch<R>; BRANCHES],
-    /// Stiffness (N/m, N m/rad) of the springs that slip.
-    pub friction: Vec6<R>,
+    /// Stiffness (N/m, N m/rad) of the springs that slip: row i of Q, column j of their stretch.
+    pub friction: Mat6<R>,
     /// Stretch (m, rad) at which each of them slips.
     pub slip: Vec6<R>,
     /// Stretch (m, rad) up to which each of them does not pull: a play.
@@ -55,9 +56,11 @@ pub struct Effects<R> {
     pub temperature_range_degc: Option<[R; 2]>,
     /// Ages (s) for which the model was measured; None: any.
     pub age_range_s: Option<[R; 2]>,
-    /// Largest |c| (m) and |θ| (rad) of the mid frame that are a pose and no fault, along a single
-    /// coordinate its least and largest value; None: any. Farther ones are refused, and the state stays.
+    /// Largest |c| (m) and |θ| (rad) of the mid frame that are a pose and no fault; None: any. Farther
+    /// ones are refused, and the state stays.
     pub limits: Option<[R; 2]>,
+    /// Without a frame the same, as least and largest p; None: there is a frame.
+    pub columns: Option<[Vec6<R>; 2]>,
 }
 
 impl<R: Real> Effects<R> {
@@ -70,9 +73,9 @@ impl<R: Real> Effects<R> {
         };
         Self {
             length_m,
-            stiffness: [R::ZERO; 6],
+            stiffness: [[R::ZERO; 6]; 6],
             branches: [branch; BRANCHES],
-            friction: [R::ZERO; 6],
+            friction: [[R::ZERO; 6]; 6],
             slip: [R::ZERO; 6],
             play: [R::ZERO; 6],
             softer_per_kelvin: R::ZERO,
@@ -86,6 +89,7 @@ impl<R: Real> Effects<R> {
             temperature_range_degc: None,
             age_range_s: None,
             limits: None,
+            columns: None,
         }
     }
 
@@ -164,6 +168,12 @@ impl<R: Real> Effects<R> {
             age_s: R::ZERO,
         }
     }
+}
+
+/// The matrix with these numbers on its diagonal.
+pub fn diagonal<R: Real>(numbers: &Vec6<R>) -> Mat6<R> {
+    let entry = |i: usize, j: usize| if i == j { numbers[i] } else { R::ZERO };
+    core::array::from_fn(|i| core::array::from_fn(|j| entry(i, j)))
 }
 
 /// What a step is told beside pose and time.

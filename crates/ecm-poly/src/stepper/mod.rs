@@ -12,16 +12,16 @@
 //! material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
 //! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
-//! A map of a single coordinate is one along x, of length 0: where θ = 0 the mid frame turns nothing.
+//! A map of fewer columns has no frame, as its others are not known: q is p, Q is h, and k is full.
 //!
 //! ```
-//! use ecm_poly::stepper::{Branch, Effects, Stepper};
+//! use ecm_poly::stepper::{Branch, Effects, Stepper, diagonal};
 //! use ecm_poly::{EnergyModel, Pose, PoseModel};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let neck = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/energy4.json");
 //! let model = PoseModel::from_json(&std::fs::read_to_string(neck)?)?;
 //! let mut effects = Effects::none(0.1034);
-//! effects.stiffness = [4e4, 3e3, 3e3, 4.0, 16.0, 16.0];
+//! effects.stiffness = diagonal(&[4e4, 3e3, 3e3, 4.0, 16.0, 16.0]);
 //! effects.branches[0] = Branch { share: 0.1, tau_s: 5.0, linear: true };
 //! let stepper = Stepper { model: &model, effects };
 //! let rest = Pose::at_rest(0.1034);
@@ -38,6 +38,7 @@
 
 mod decay;
 mod effects;
+mod frame;
 mod state;
 
 #[cfg(feature = "std")]
@@ -46,12 +47,13 @@ mod document;
 mod models;
 
 pub use decay::Decay;
-pub use effects::{BRANCHES, Branch, Effects, Inputs};
+pub use effects::{BRANCHES, Branch, Effects, Inputs, diagonal};
 pub use state::{STATE_NUMBERS, State};
 
-use ecm_se3::linear::{add, apply, sub};
-use ecm_se3::mid_frame::MidFrame;
-use ecm_se3::{Mat6, Pose, Real, Vec3, Vec6, Wrench, half_rotation};
+use ecm_se3::linear::add;
+use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
+
+use frame::Frame;
 
 /// A static map from pose to wrench.
 pub trait Elastic<R> {
@@ -71,7 +73,7 @@ pub struct Stepper<'a, R, M> {
 /// The static map at one pose.
 struct Here<R> {
     pose: Vec6<R>,
-    frame: MidFrame<R>,
+    frame: Frame<R>,
     wrench: Wrench<R>,
     stiffness: Mat6<R>,
     /// W and ∂W/∂p.
@@ -95,7 +97,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         Some(State {
             farthest: here.pose,
             coordinates: here.frame.coordinates(),
-            force: here.frame.generalised_force(&here.wrench),
+            force: here.frame.force(&here.wrench),
             stretch: [R::ZERO; 6],
             memory: [[R::ZERO; 6]; BRANCHES],
             carry: [[R::ZERO; 6]; BRANCHES],
@@ -130,7 +132,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let here = self.here(pose)?;
         let set = self.after_set(&here, state)?;
         let q = here.frame.coordinates();
-        let force = here.frame.generalised_force(&here.wrench);
+        let force = here.frame.force(&here.wrench);
         let decays = effects.branches.map(|branch| Decay::new(dt / branch.tau_s));
         let (mut total, mut steep) = ([R::ZERO; 6], [[R::ZERO; 6]; 6]);
         let mut elastic = R::ZERO;
@@ -139,32 +141,51 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 elastic += branch.share * decay.share;
             }
         }
+        let along: Vec6<R> = core::array::from_fn(|j| q[j] - state.coordinates[j]);
+        let (mut pulls, mut grips) = ([R::ZERO; 6], [R::ZERO; 6]);
         for j in 0..6 {
-            let along = q[j] - state.coordinates[j];
-            let static_step = force[j] - state.force[j];
-            for (b, (branch, decay)) in effects.branches.iter().zip(&decays).enumerate() {
-                let driven = match branch.linear {
-                    true => effects.stiffness[j] * along,
-                    false => static_step,
-                };
-                let old = state.memory[b][j];
-                let change = (decay.share * driven - decay.lost * old) + state.carry[b][j];
-                let new = old + change;
-                state.carry[b][j] = change - (new - old);
-                state.memory[b][j] = new;
-                total[j] += branch.share * new;
-                if branch.linear {
-                    steep[j][j] += branch.share * decay.share * effects.stiffness[j];
-                }
-            }
-            let (limit, play, spring) = (effects.slip[j], effects.play[j], effects.friction[j]);
-            let wanted = state.stretch[j] + along;
+            let (limit, play) = (effects.slip[j], effects.play[j]);
+            let wanted = state.stretch[j] + along[j];
             let stretch = wanted.clamped(-limit, limit);
             state.stretch[j] = stretch;
             if -limit <= wanted && wanted <= limit && !(-play < stretch && stretch < play) {
-                steep[j][j] += spring;
+                grips[j] = R::ONE;
             }
-            total[j] += spring * (stretch - stretch.clamped(-play, play));
+            pulls[j] = stretch - stretch.clamped(-play, play);
+        }
+        for i in 0..6 {
+            let (stiffness, friction) = (&effects.stiffness[i], &effects.friction[i]);
+            // In a frame both are diagonal.
+            let coupled = match effects.columns {
+                Some(_) => 0..6,
+                None => i..i + 1,
+            };
+            let linear_step = coupled
+                .clone()
+                .fold(R::ZERO, |sum, j| sum + stiffness[j] * along[j]);
+            let static_step = force[i] - state.force[i];
+            for (b, (branch, decay)) in effects.branches.iter().zip(&decays).enumerate() {
+                let driven = if branch.linear {
+                    linear_step
+                } else {
+                    static_step
+                };
+                let old = state.memory[b][i];
+                let change = (decay.share * driven - decay.lost * old) + state.carry[b][i];
+                let new = old + change;
+                state.carry[b][i] = change - (new - old);
+                state.memory[b][i] = new;
+                total[i] += branch.share * new;
+                if branch.linear {
+                    for j in coupled.clone() {
+                        steep[i][j] += branch.share * decay.share * stiffness[j];
+                    }
+                }
+            }
+            for j in coupled {
+                steep[i][j] += friction[j] * grips[j];
+                total[i] += friction[j] * pulls[j];
+            }
         }
         let (largest, softer) = self.softer(&here, state.largest);
         let size = self.effects.size(inputs);
@@ -181,9 +202,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         wrench.torque = add(&wrench.torque, &carried.torque);
         // d(Q(q) terms) is `elastic` times that of h less what the turning frame adds to both.
         let turning: Vec6<R> = core::array::from_fn(|j| total[j] - elastic * force[j]);
-        let hessian = here.frame.hessian(&turning, &steep);
-        let turned = here.frame.wrench(&turning);
-        let beside = here.frame.partial_from_generalised(&hessian, &turned);
+        let beside = here.frame.carried(&turning, &steep);
         let factor = own + elastic;
         let mut tangent: Mat6<R> = core::array::from_fn(|i| {
             core::array::from_fn(|j| factor * here.stiffness[i][j] + beside[i][j])
@@ -266,12 +285,10 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     /// The wrench of each relaxing branch with share 1, at the pose of the last step.
     #[inline]
     pub fn branches(&self, state: &State<R>) -> [Vec6<R>; BRANCHES] {
-        let [x, y, z, a, b, c] = state.coordinates;
-        let stretched = [x + self.effects.length_m, y, z];
-        let [x, y, z] = apply(&half_rotation(&[a, b, c]), &stretched);
         let nothing = [[R::ZERO; 6]; BRANCHES];
-        Pose::checked(&[x, y, z, a, b, c]).map_or(nothing, |pose| {
-            let frame = MidFrame::new(&pose, self.effects.length_m);
+        let pose = frame::pose_of(&self.effects, &state.coordinates);
+        Pose::checked(&pose).map_or(nothing, |pose| {
+            let frame = Frame::new(&self.effects, &pose);
             state.memory.map(|m| frame.wrench(&m).to_array())
         })
     }
@@ -314,12 +331,8 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         if self.effects.damping[0] * self.effects.damping[0] <= R::ZERO {
             return core::array::from_fn(|j| q[j] - before[j]);
         }
-        let position = |q: &Vec6<R>| -> Vec3<R> {
-            let stretched = [q[0] + self.effects.length_m, q[1], q[2]];
-            apply(&half_rotation(&[q[3], q[4], q[5]]), &stretched)
-        };
-        let way = sub(&position(q), &position(before));
-        core::array::from_fn(|j| if j < 3 { way[j] } else { q[j] - before[j] })
+        let [now, then] = [q, before].map(|q| frame::pose_of(&self.effects, q));
+        core::array::from_fn(|j| now[j] - then[j])
     }
 
     /// W_max with this pose, and 1 − W/W_max.
@@ -337,23 +350,13 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         (largest, below)
     }
 
-    /// Whether a pose is within the limits: beyond them its load would spoil the memory for good.
-    #[inline(always)]
-    fn is_reached(&self, frame: &MidFrame<R>) -> bool {
-        let Some([length, angle]) = self.effects.limits else {
-            return true;
-        };
-        let [x, y, z, a, b, c] = frame.coordinates();
-        x * x + y * y + z * z <= length * length && a * a + b * b + c * c <= angle * angle
-    }
-
     #[inline(always)]
     fn here(&self, pose: &Pose<R>) -> Option<Here<R>> {
         let (wrench, stiffness) = self.model.wrench_and_stiffness(pose);
         let (p, h) = (pose.to_array(), wrench.to_array());
         let sum = h.iter().fold(R::ZERO, |sum, &x| sum + x);
-        let frame = MidFrame::new(pose, self.effects.length_m);
-        if !(sum.is_finite() && self.is_reached(&frame)) {
+        let frame = Frame::new(&self.effects, pose);
+        if !(sum.is_finite() && frame.is_near(&self.effects)) {
             return None;
         }
         let mut away = p;

@@ -6,7 +6,7 @@ use std::process::Command;
 use ecm_poly::Symmetry;
 use ecm_poly::export::{Precision, c};
 
-use crate::models::{broken, effects, energy, polynomial};
+use crate::models::{broken, effects, effects_of_columns, energy, polynomial};
 use crate::programs::{checked, compiles_as_cpp, folder, installed, run, write};
 
 #[test]
@@ -61,24 +61,31 @@ fn exported_c_steps_through_a_golden_history() {
         ),
         ("line3", polynomial(1, 1, 3), Precision::Single),
         ("line", polynomial(1, 1, 4), Precision::Double),
+        ("joint", polynomial(3, 2, 4), Precision::Double),
+        ("joint5", polynomial(2, 5, 3), Precision::Single),
         ("alike4", energy(Symmetry::Alike, 4), Precision::Double),
     ] {
         let folder = folder(&format!("c-steps-{name}"));
-        let files = c::export_with_effects(&document, name, precision, Some(&effects()));
+        let some = match document["kind"] == "energy" {
+            true => effects(),
+            false => effects_of_columns(),
+        };
+        let files = c::export_with_effects(&document, name, precision, Some(&some));
         write(&folder, &files.unwrap());
         let sources = ["", "_check"].map(|part| format!("{name}{part}.c"));
         assert_eq!(checked(&folder, "-O2", &sources), Some(0), "{name}");
         compiles_as_cpp(&folder, &sources[0]);
-        let n = match name {
-            "alike4" => 6,
-            "line" => 1,
+        let (n, m) = match name {
+            "alike4" => (6, 6),
+            "line" => (1, 1),
+            "joint" => (3, 2),
             _ => continue,
         };
         // Each constant of each effect counts, and each golden number.
         for (file, place, wrong) in [
             (".c", "share_of[2] = {", "R(1)+"),
             (".c", "tau_of[2] = {", "R(1)+"),
-            (".c", &format!("friction_of[{n}] = {{"), "R(1)+"),
+            (".c", &format!("friction_of[{}] = {{", n * m), "R(1)+"),
             (".c", &format!("slip_of[{n}] = {{"), "R(1)+"),
             (".c", "damping_of[2] = {", "R(1)+"),
             (".c", "softer_per_kelvin = ", "R(1)+"),
@@ -87,10 +94,10 @@ fn exported_c_steps_through_a_golden_history() {
             (".c", "settling_per_s = ", "R(1)+"),
             (".c", "softening = ", "R(1)+"),
             (".c", "set_share = ", "R(1)+"),
-            ("_golden.h", &format!("_history_h[32][{n}] = {{{{"), "1e3+"),
+            ("_golden.h", &format!("_history_h[32][{m}] = {{{{"), "1e3+"),
             (
                 "_golden.h",
-                &format!("_history_k[32][{}] = {{{{", n * n),
+                &format!("_history_k[32][{}] = {{{{", n * m),
                 "1e6+",
             ),
         ] {

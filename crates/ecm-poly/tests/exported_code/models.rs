@@ -4,7 +4,7 @@ use ecm_poly::basis::exponents;
 use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::model_file::map::{POSE, WRENCH};
-use ecm_poly::stepper::{Branch, Effects};
+use ecm_poly::stepper::{Branch, Effects, diagonal};
 use ecm_poly::{Symmetry, open_model, seal_model};
 use serde_json::{Map, Value, json};
 
@@ -57,7 +57,7 @@ pub fn polynomial(inputs: usize, outputs: usize, degree: usize) -> Map<String, V
 /// One of each effect of time.
 pub fn effects() -> Effects<f64> {
     let mut effects = Effects::none(0.1034);
-    effects.stiffness = [40.0, 30.0, 30.0, 0.5, 1.0, 1.0];
+    effects.stiffness = diagonal(&[40.0, 30.0, 30.0, 0.5, 1.0, 1.0]);
     for (branch, (tau_s, linear)) in effects
         .branches
         .iter_mut()
@@ -69,7 +69,7 @@ pub fn effects() -> Effects<f64> {
             linear,
         };
     }
-    effects.friction = effects.stiffness.map(|k| 0.3 * k);
+    effects.friction = effects.stiffness.map(|row| row.map(|k| 0.3 * k));
     effects.slip = [2e-3, 2e-3, 2e-3, 0.05, 0.05, 0.05];
     effects.play = [0.0, 1e-3, 5e-4, 0.02, 0.0, 0.03];
     effects.softer_per_kelvin = 5e-3;
@@ -82,5 +82,15 @@ pub fn effects() -> Effects<f64> {
     effects.set_share = 0.02;
     effects.temperature_range_degc = Some([15.0, 30.0]);
     effects.age_range_s = Some([0.0, 7200.0]);
+    effects
+}
+
+/// The same of columns that have no frame, with what couples them.
+pub fn effects_of_columns() -> Effects<f64> {
+    let mut effects = effects();
+    effects.length_m = 0.0;
+    effects.columns = Some([[-1e3; 6], [1e3; 6]]);
+    (effects.stiffness[0][2], effects.stiffness[1][0]) = (7.0, -3.0);
+    effects.friction[1][2] = 5.0;
     effects
 }

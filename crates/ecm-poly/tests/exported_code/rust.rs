@@ -8,7 +8,7 @@ use ecm_poly::Symmetry;
 use ecm_poly::export::model::Model;
 use ecm_poly::export::{Precision, SourceFile, rust};
 
-use crate::models::{effects, energy, polynomial};
+use crate::models::{effects, effects_of_columns, energy, polynomial};
 use crate::programs::{folder, installed, run, write};
 
 const POSE: [f64; 6] = [0.1, 0.01, 0.0, 0.1, 0.2, 0.3];
@@ -62,9 +62,13 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
         )
         .unwrap();
     }
-    let line = polynomial(1, 1, 3);
-    let files = rust::export_with_effects(&line, "line", Precision::Double, None).unwrap();
-    write(&root.join("line"), &files);
+    for (name, document, some) in [
+        ("line", polynomial(1, 1, 3), None),
+        ("joint", polynomial(3, 2, 3), Some(effects_of_columns())),
+    ] {
+        let files = rust::export_with_effects(&document, name, Precision::Double, some.as_ref());
+        write(&root.join(name), &files.unwrap());
+    }
     writeln!(main, "))\n}}\nconst POSE: [f64; 6] = {POSE:?};").unwrap();
     let file = |path: &str, text: String| SourceFile {
         path: path.into(),
@@ -95,10 +99,10 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(
         said.matches("golden_vectors ... ok").count(),
-        models.len() + 1,
+        models.len() + 2,
         "{said}"
     );
-    assert_eq!(said.matches("golden_history ... ok").count(), 2, "{said}");
+    assert_eq!(said.matches("golden_history ... ok").count(), 3, "{said}");
     let (code, said) = cargo(&[
         "clippy",
         "--workspace",

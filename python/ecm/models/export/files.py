@@ -353,7 +353,7 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
 def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy | None:
     """C where the target has no steps, or a base that steps; None where neither keeps them."""
     steps = time_effects(model, "c", recorded=True)
-    if not steps.lost and (to == "rust" or OF_INPUTS.keys() >= exported.lost.keys()):
+    if not steps.lost and OF_INPUTS.keys() >= exported.lost.keys():
         return Remedy(
             "export it to c, which steps (or export all the same with --force)",
             f"ecm export MODEL --to c --out OUT --name {name}",

@@ -1,21 +1,27 @@
 
-/* Effects of time along @N@ coordinates q; Q: force to q of the static wrench. */
+/* Effects of time along @N@ coordinates q; Q: force to q of the static wrench. Matrices row by row. */
 
 typedef @NAME@_state state_t;
 typedef @NAME@_conditions inputs_t;
 
-static const real stiffness_at_rest[@N@] = {@STIFFNESS@};
+static const real stiffness_at_rest[@NM@] = {@STIFFNESS@};
 static const real share_of[2] = {@SHARES@};
 static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
-static const real friction_of[@N@] = {@FRICTION@};
+static const real friction_of[@NM@] = {@FRICTION@};
 static const real slip_of[@N@] = {@SLIP@};
 static const real play_of[@N@] = {@PLAY@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real settling_per_s = R(@SETTLING@), growth_per_kelvin = R(@GROWTH@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
-static const real farthest_of[2] = {@FARTHEST@};
+static const real farthest_of[] = {@FARTHEST@};
+/* 1 for an angle of p, or a moment of h */
+static const uint8_t is_angle[@N@] = {@ANGLES@}, is_moment[@M@] = {@MOMENTS@};
+/* Of a load that does work p and h go in pairs. */
+enum { PAIRS = @PAIRS@ };
+/* Whether stiffness and friction couple coordinates: in a frame they are diagonal. */
+enum { COUPLED = @COUPLED@ };
 
 @DECAY@
 
@@ -24,7 +30,7 @@ static const real farthest_of[2] = {@FARTHEST@};
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
     frame_t frame;
-    real force[@N@], u[@NM@], h[@N@], away[@N@], work, sign;
+    real force[@M@], u[@NM@], h[@M@], away[@N@], work, sign;
 } here_t;
 
 static int32_t find_here(const real *p, here_t *here)
@@ -35,7 +41,11 @@ static int32_t find_here(const real *p, here_t *here)
     sum = here->frame.refused;
     for (int32_t i = 0; i < @N@; i++) {
         here->away[i] = p[i] - (i == 0 ? length_m : R(0));
+    }
+    for (int32_t i = 0; i < PAIRS; i++) {
         product += here->away[i] * here->h[i];
+    }
+    for (int32_t i = 0; i < @M@; i++) {
         sum += here->h[i];
     }
     here->sign = product < R(0) ? R(-1) : R(1);
@@ -46,14 +56,14 @@ static int32_t find_here(const real *p, here_t *here)
 /* K of a pose that is below the largest work: k += factor h dW/dp */
 static void soften(const real *p, const here_t *here, real factor, real *k)
 {
-    real h[@N@], slope[@NM@];
+    real h[@M@], slope[@NM@];
     @NAME@_value_and_stiffness(p, h, slope);
     for (int32_t j = 0; j < @N@; j++) {
-        real work = h[j];
-        for (int32_t i = 0; i < @N@; i++) {
+        real work = j < PAIRS ? h[j] : R(0);
+        for (int32_t i = 0; i < PAIRS; i++) {
             work += slope[@N@ * i + j] * here->away[i];
         }
-        for (int32_t i = 0; i < @N@; i++) {
+        for (int32_t i = 0; i < @M@; i++) {
             k[@N@ * i + j] += R(0.5) * here->sign * factor * h[i] * work;
         }
     }
@@ -68,7 +78,7 @@ static int32_t after_set(const state_t *state, const real *p, int32_t grows, rea
     }
     shifted[0] += set_share * length_m;
     @NAME@_value_and_stiffness(shifted, h, k);
-    for (int32_t i = 0; i < @N@; i++) {
+    for (int32_t i = 0; i < @M@; i++) {
         sum += h[i];
     }
     for (int32_t i = 0; i < @NM@; i++) {
@@ -91,7 +101,7 @@ static const real *ungrown(const real *p, const inputs_t *inputs, real *own)
         return p;
     }
     for (int32_t i = 0; i < @N@; i++) {
-        own[i] = i < 3 ? p[i] / size : p[i];
+        own[i] = is_angle[i] ? p[i] : p[i] / size;
     }
     return own;
 }
@@ -103,11 +113,11 @@ static void regrow(const inputs_t *inputs, real *h, real *k)
     if (!(growth_per_kelvin * growth_per_kelvin > R(0))) {
         return;
     }
-    for (int32_t i = 0; i < @N@; i++) {
-        const real power = i < 3 ? size * size : size * size * size;
+    for (int32_t i = 0; i < @M@; i++) {
+        const real power = is_moment[i] ? size * size * size : size * size;
         h[i] *= power;
         for (int32_t j = 0; j < @N@; j++) {
-            k[@N@ * i + j] *= j < 3 ? power / size : power;
+            k[@N@ * i + j] *= is_angle[j] ? power : power / size;
         }
     }
 }
@@ -128,7 +138,10 @@ static int32_t is_known(const state_t *state)
 {
     real sum = state->largest;
     for (int32_t i = 0; i < @N@; i++) {
-        sum += state->farthest[i] + state->coordinates[i] + state->force[i] + state->stretch[i];
+        sum += state->farthest[i] + state->coordinates[i] + state->stretch[i];
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        sum += state->force[i];
         for (int32_t b = 0; b < 2; b++) {
             sum += state->memory[b][i] + state->carry[b][i];
         }
@@ -141,7 +154,7 @@ static int32_t refuse(real *h, real *k)
 {
     real none = R(0);
     none /= none;
-    for (int32_t i = 0; i < @N@; i++) {
+    for (int32_t i = 0; i < @M@; i++) {
         h[i] = none;
     }
     for (int32_t i = 0; i < @NM@; i++) {
@@ -167,8 +180,10 @@ int32_t @NAME@_init(state_t *state, const real p[@N@])
     for (int32_t i = 0; i < @N@; i++) {
         state->farthest[i] = p[i];
         state->coordinates[i] = here.frame.q[i];
-        state->force[i] = here.force[i];
         state->stretch[i] = R(0);
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        state->force[i] = here.force[i];
         for (int32_t b = 0; b < 2; b++) {
             state->memory[b][i] = R(0);
             state->carry[b][i] = R(0);
@@ -179,10 +194,11 @@ int32_t @NAME@_init(state_t *state, const real p[@N@])
 }
 
 int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *inputs,
-                    real h[@N@], real k[@NM@])
+                    real h[@M@], real k[@NM@])
 {
     here_t here;
-    real lost[2], left[2], total[@N@], steep[@NM@] = {R(0)}, set_h[@N@], set_k[@NM@];
+    real lost[2], left[2], total[@M@], steep[@NM@] = {R(0)}, set_h[@M@], set_k[@NM@];
+    real along[@N@], pulls[@N@], grips[@N@];
     real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size, slope[@NM@];
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
@@ -202,29 +218,41 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         elastic += (R(1) - linear_of[b]) * share_of[b] * left[b];
     }
     for (int32_t j = 0; j < @N@; j++) {
-        const real along = here.frame.q[j] - state->coordinates[j];
-        const real driven = here.force[j] - state->force[j];
-        const real wanted = state->stretch[j] + along;
-        real stretch;
-        total[j] = R(0);
-        for (int32_t b = 0; b < 2; b++) {
-            const real x = linear_of[b] > R(0) ? stiffness_at_rest[j] * along : driven;
-            const real old = state->memory[b][j];
-            const real change = (left[b] * x - lost[b] * old) + state->carry[b][j];
-            const real now = old + change;
-            /* What rounding left out: else slow branches would stand still in single precision. */
-            state->carry[b][j] = change - (now - old);
-            state->memory[b][j] = now;
-            total[j] += share_of[b] * now;
-            steep[(@N@ + 1) * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
-        }
+        real wanted, stretch;
+        along[j] = here.frame.q[j] - state->coordinates[j];
+        wanted = state->stretch[j] + along[j];
         stretch = limited(wanted, slip_of[j]);
         state->stretch[j] = stretch;
-        if (-slip_of[j] <= wanted && wanted <= slip_of[j]
-            && !(-play_of[j] < stretch && stretch < play_of[j])) {
-            steep[(@N@ + 1) * j] += friction_of[j];
+        pulls[j] = stretch - limited(stretch, play_of[j]);
+        grips[j] = (real)(-slip_of[j] <= wanted && wanted <= slip_of[j]
+                          && !(-play_of[j] < stretch && stretch < play_of[j]));
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        const real *stiffness = stiffness_at_rest + @N@ * i, *friction = friction_of + @N@ * i;
+        const real driven = here.force[i] - state->force[i];
+        const int32_t first = COUPLED ? 0 : i, end = COUPLED ? @N@ : i + 1;
+        real linear = R(0);
+        for (int32_t j = first; j < end; j++) {
+            linear += stiffness[j] * along[j];
         }
-        total[j] += friction_of[j] * (stretch - limited(stretch, play_of[j]));
+        total[i] = R(0);
+        for (int32_t b = 0; b < 2; b++) {
+            const real x = linear_of[b] > R(0) ? linear : driven;
+            const real old = state->memory[b][i];
+            const real change = (left[b] * x - lost[b] * old) + state->carry[b][i];
+            const real now = old + change;
+            /* What rounding left out: else slow branches would stand still in single precision. */
+            state->carry[b][i] = change - (now - old);
+            state->memory[b][i] = now;
+            total[i] += share_of[b] * now;
+            for (int32_t j = first; j < end; j++) {
+                steep[@N@ * i + j] += linear_of[b] * share_of[b] * left[b] * stiffness[j];
+            }
+        }
+        for (int32_t j = first; j < end; j++) {
+            total[i] += friction[j] * pulls[j];
+            steep[@N@ * i + j] += friction[j] * grips[j];
+        }
     }
     if (grows) {
         state->largest = here.work;
@@ -234,7 +262,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     }
     /* With a set the wrench at the pose less the set stands for that at the pose. */
     size -= softening * below + (sets ? R(1) : R(0));
-    for (int32_t i = 0; i < @N@; i++) {
+    for (int32_t i = 0; i < @M@; i++) {
         total[i] += size * here.force[i];
     }
     for (int32_t i = 0; i < @NM@; i++) {
@@ -245,7 +273,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         soften(p, &here, softening / state->largest, k);
     }
     if (sets) {
-        for (int32_t i = 0; i < @N@; i++) {
+        for (int32_t i = 0; i < @M@; i++) {
             h[i] += set_h[i];
         }
         for (int32_t i = 0; i < @NM@; i++) {
@@ -255,41 +283,45 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     if (damping_of[0] * damping_of[0] + damping_of[1] * damping_of[1] > R(0)) {
         moved_since(state, here.frame.q, moved);
     }
-    for (int32_t j = 0; j < @N@; j++) {
-        const real damping = dt > R(0) ? damping_of[j / 3] / dt : R(0);
+    for (int32_t j = 0; j < PAIRS; j++) {
+        const real damping = dt > R(0) ? damping_of[is_angle[j]] / dt : R(0);
         /* A dt so short that this overflows is a sudden move as well. */
         if (damping * damping > R(0) && is_finite(damping)) {
             h[j] += damping * moved[j];
             k[(@N@ + 1) * j] += damping;
         }
+    }
+    for (int32_t j = 0; j < @N@; j++) {
         if (grows) {
             state->farthest[j] = p[j];
         }
         state->coordinates[j] = here.frame.q[j];
-        state->force[j] = here.force[j];
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        state->force[i] = here.force[i];
     }
     regrow(inputs, h, k);
     return 1;
 }
 
-void @NAME@_branches(const state_t *state, real wrenches[2 * @N@])
+void @NAME@_branches(const state_t *state, real wrenches[2 * @M@])
 {
     frame_t f;
     real p[@N@];
     pose_of(state->coordinates, p);
     prepare(p, &f);
     wrench_of(&f, state->memory[0], wrenches);
-    wrench_of(&f, state->memory[1], wrenches + @N@);
+    wrench_of(&f, state->memory[1], wrenches + @M@);
 }
 
-int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@N@], real k[@NM@])
+int32_t @NAME@_settled(const real p[@N@], const inputs_t *inputs, real h[@M@], real k[@NM@])
 {
     real own[@N@], size, sum, slope[@NM@];
     k = k ? k : slope;
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     sum = size = size_at(inputs);
     @NAME@_value_and_stiffness(ungrown(p, inputs, own), h, k);
-    for (int32_t i = 0; i < @N@; i++) {
+    for (int32_t i = 0; i < @M@; i++) {
         h[i] *= size;
         sum += h[i];
     }

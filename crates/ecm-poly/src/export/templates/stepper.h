@@ -20,9 +20,9 @@
  */
 typedef struct {
     @NAME@_real farthest[@N@];               /* p of the largest work so far */
-    @NAME@_real coordinates[@N@], force[@N@];  /* of the last step@INFRAME@ */
+    @NAME@_real coordinates[@N@], force[@M@];  /* of the last step@INFRAME@ */
     @NAME@_real stretch[@N@];                /* of springs that slip, m and rad */
-    @NAME@_real memory[2][@N@], carry[2][@N@]; /* of relaxing branches, N and N m */
+    @NAME@_real memory[2][@M@], carry[2][@M@]; /* of relaxing branches, N and N m */
     @NAME@_real largest;                   /* largest work so far, J */
 } @NAME@_state;
 
@@ -40,10 +40,10 @@ int32_t @NAME@_inputs_inside(const @NAME@_conditions *inputs);
 
 int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[@N@]);
 int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[@N@], @NAME@_real dt,
-                    const @NAME@_conditions *inputs, @NAME@_real h[@N@], @NAME@_real k[@NM@]);
+                    const @NAME@_conditions *inputs, @NAME@_real h[@M@], @NAME@_real k[@NM@]);
 /* The wrench of each relaxing branch with share 1, at p of the last step@FORADAPT@. */
-void @NAME@_branches(const @NAME@_state *state, @NAME@_real wrenches[2 * @N@]);
-int32_t @NAME@_settled(const @NAME@_real p[@N@], const @NAME@_conditions *inputs, @NAME@_real h[@N@],
+void @NAME@_branches(const @NAME@_state *state, @NAME@_real wrenches[2 * @M@]);
+int32_t @NAME@_settled(const @NAME@_real p[@N@], const @NAME@_conditions *inputs, @NAME@_real h[@M@],
                        @NAME@_real k[@NM@]);
 int32_t @NAME@_predict_ahead(const @NAME@_state *state, const @NAME@_real *p, int32_t count,
                              @NAME@_real dt, const @NAME@_conditions *inputs, @NAME@_real *h,
