@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_432, 204),
+    "python/ecm": (43_518, 204),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (34_237, 237),
-    "crates": (34_192, 197),
+    "tests": (34_598, 238),
+    "crates": (34_417, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-steps from recorded inputs to those that act in C, Rust and FMU, controllers that are copied and say
-what is no number (166 lines in the package), units of meshes, stresses and moduli (96), forms of a
-body beside what it remembers (32), less 308 that said something twice; a test of each."""
+relaxation and friction that step along any columns in C and Rust (225 lines of crates, 281 of
+tests), a base of one degree less (25), an energy whose pose noise runs away and words that agree on
+three own rigs (60); a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -505,7 +505,9 @@ def find_missing(
     begun_there = begin(poorer, decision.prepared, noise, settings, stages)
     again = _with_family(go_on(begun_there, seed, stages), stages.describe)
     left = held_out_rms(again.problem, again.accepted.effects)
-    return again if again.answer and left < alone else decision
+    # What follows the pose alone may be what the degree holds.
+    other = any(item.effect.kind != "pose" for item in again.accepted.effects)
+    return again if again.answer and other and left < alone else decision
 
 
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
