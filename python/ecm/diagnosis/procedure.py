@@ -105,36 +105,35 @@ _BESIDE_NAMES = 0.9
 """The same beside all that is named: effects imitate unlike ends by no more than a part."""
 
 
-def less_symmetric_energy(decision: Decision, given: StiffnessMap) -> StiffnessMap | None:
-    """Return the energy of a body with less symmetry, where it fits far better by itself.
+def less_symmetric_energies(decision: Decision, given: StiffnessMap) -> list[StiffnessMap]:
+    """Return the energies of bodies with less symmetry that fit far better, each by itself.
 
     The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
     named that imitate a part of the difference, and another origin or length may imitate all of it:
     where these fit no better by far, both are said. An energy without symmetry takes in what other
     causes do to a body of revolution as well: it is tried where the model that was given has none
-    either, or where the symmetric one tells less than half of most components. None is returned
+    either, or where the symmetric one tells less than half of most components. None are returned
     where the base is no symmetric energy.
     """
     problem = decision.problem
     whole = whole_map(problem.base)
     if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
-        return None
+        return []
     tried: list[Symmetry] = ["revolution"]
     has_none = isinstance(given, EnergyMap) and given.model.symmetry == "general"
     if has_none or _tells_less_than_half(problem):
         tried.append("general")
-    said = decision.statement
-    best: StiffnessMap | None = None
+    better: list[StiffnessMap] = []
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    own = _error(problem, problem.fit.residual, len(problem.base.coefficients))
-    most = EQUAL**0.5 * said.error_after if said else _BY_ITSELF * own
+    most = _BY_ITSELF * _error(problem, problem.fit.residual, len(problem.base.coefficients))
     for symmetry in tried:
         with suppress(ModelError, InputError):  # fewer rows than coefficients
             base = energy_with(symmetry, problem.table)
             error = _error_of(problem, base)
             if error < most:
-                best, most = base, _BY_ITSELF * error
-    return best
+                better.append(base)
+                most = _BY_ITSELF * error
+    return better
 
 
 def _tells_less_than_half(problem: Problem) -> bool:
@@ -549,15 +548,17 @@ def _against_the_bases(
 ) -> Decision:
     """Go through the stages with the rows that were selected, against other bases that may fit."""
     if decision.verdict != "none":
-        other = less_symmetric_energy(decision, whole_map(model.base))
-        if other is not None:
-            again, said = against(other), decision.statement
-            left, before = (_error_left(one, decision.problem) for one in (again, decision))
-            # What another reading of the table leaves was compared before.
-            if said is not None or left < _BESIDE_NAMES * before:
+        said, first = decision.statement, decision.problem
+        most = EQUAL**0.5 * said.error_after if said else _BESIDE_NAMES * _error_left(decision)
+        for other in less_symmetric_energies(decision, whole_map(model.base)):
+            again = against(other)
+            # As the error of another reading of the table: over the noise of its own base.
+            left = _error_left(again, None if said else first)
+            if left < most:
                 or_else = (f"or {said.sentence()}",) if said else ()
                 symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
                 decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
+                most = _BESIDE_NAMES * left
         richer = richer_polynomial(decision)
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
