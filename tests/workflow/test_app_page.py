@@ -867,18 +867,26 @@ def test_a_refused_log_is_told_in_the_words_of_the_page(
 
 
 def test_a_refused_export_has_a_button_for_each_way_out(page: Page, tmp_path: Path) -> None:
-    with served(page, folder=tmp_path / "session"):
-        _click_to_the_end(page, "#example-1")
-        page.click("#to-model")
+    random = np.random.default_rng(3)
+    poses = np.cumsum(random.standard_normal((60, 6)), axis=0) * [2e-4, 1e-3, 1e-3, 0.1, 0.05, 0.05]
+    friction = np.sign(np.diff(poses, axis=0, prepend=0.0)) * [2.0, 2.0, 2.0, 0.05, 0.05, 0.05]
+    noise = random.standard_normal((60, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
+    wrenches = poses @ STIFFNESS + friction + noise
+    poses[:, 0] += LENGTH_M
+    rows = csv_text({**columns_of(poses, wrenches), "time_s": np.arange(60.0)})
+    saved(tmp_path / "log.toml", f"[mechanism]\nlength_m = {LENGTH_M}\n")
+    with served(page, saved(tmp_path / "log.csv", rows), folder=tmp_path / "session"):
+        page.js("location.hash = 'model'")
+        page.click("[name=kind][value=linear]")  # of six columns its friction has no steps
         _click_to_the_end(page, "#fit")
         page.js("location.hash = 'missing'")
         _click_to_the_end(page, "[data-add=hysteresis]")
         page.js("location.hash = 'out'")
-        page.click("[name=language][value=rust]")  # it holds no steps of a polynomial
+        page.click("[name=language][value=rust]")
         page.click("#export")
         page.until("!!document.querySelector('[data-remove=hysteresis]')")
         ways = page.js("[...document.querySelectorAll('[data-remedy]')].map(b => b.textContent)")
-        assert ways == ["Export as c", "Export it all the same"]
+        assert ways == ["Fit energy4 with hysteresis", "Export it all the same"]
         page.click("[data-remedy]:not(.first)")
         page.until("!!document.querySelector('.files a') && !document.querySelector('#trouble')")
         assert page.js("document.querySelector('[name=language]:checked').value") == "rust"

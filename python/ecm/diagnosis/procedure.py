@@ -74,19 +74,18 @@ from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.settings import ENERGY_DEGREES
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.energy import EnergyModel
-from ecm.models.fit import as_model, choose_base, energy_with, fit_base, symmetric_energy
-from ecm.models.maps import (
-    EnergyMap,
-    ModelSpecification,
-    PolynomialMap,
-    StiffnessMap,
-    Symmetry,
+from ecm.models.fit import (
+    as_model,
+    choose_base,
+    energy_with,
+    fit_base,
+    one_degree_less,
+    symmetric_energy,
 )
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
-from ecm.models.partial import measured_part, whole_map
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import FAR_BEYOND_NOISE, addition_to
@@ -177,23 +176,6 @@ def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
     k = len(richer.coefficients)
     fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
     return bool(fall > (k - own) * np.log(size))
-
-
-def poorer_base(problem: Problem) -> StiffnessMap | None:
-    """Return the energy or polynomial of one degree less, or None where there is none.
-
-    A degree is chosen beside no effect: of few rows a higher one takes in what an effect does, and
-    errs by far where no row was.
-    """
-    base, less = whole_map(problem.base), cast(ModelSpecification | None, None)
-    if isinstance(base, EnergyMap) and base.model.degree > ENERGY_DEGREES[0]:
-        less = EnergyModel(base.model.degree - 1, cast(Symmetry, base.model.symmetry))
-    elif isinstance(base, PolynomialMap) and base.model.degree > 1:
-        less = PolynomialModel(base.model.degree - 1)
-    if less is None:
-        return None
-    measured = problem.table.measured()
-    return measured_part(fit_base(measured, less), measured)
 
 
 def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
@@ -468,7 +450,8 @@ def find_missing(
     effects are named against the symmetric energy model instead. Where the residual of a log stays
     alike for some rows, effects count that explain more than they would of such noise. Where none
     does, or without a time, as many rows are asked as would be independent; where these still lack
-    something, slow noise is said in place of a name.
+    something, slow noise is said in place of a name. Where nothing is said of a base that errs far
+    on held-out rows, one of a degree less is asked.
 
     Examples
     --------
@@ -486,23 +469,25 @@ def find_missing(
         base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
         return begin(base, prepared, noise, limits, stages)
 
+    def beside(
+        prepared: Prepared, limits: DiagnosisSettings, slow: SlowPart | None, base: StiffnessMap
+    ) -> Decision:
+        return go_on(begin(base, prepared, noise, limits, stages), seed, stages, slow)
+
     def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
         first = begun(limits)
-
-        def against(base: StiffnessMap) -> Decision:
-            return go_on(begin(base, first.prepared, noise, limits, stages), seed, stages, slow)
-
+        against = partial(beside, first.prepared, limits, slow)
         return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages)
 
     decision = of_rows(settings)
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
-    alone = held_out_rms(decision.problem, ()) if decision.verdict == "none" else 0.0
-    poorer = poorer_base(decision.problem) if alone > FAR_BEYOND_NOISE else None
+    problem = decision.problem
+    alone = held_out_rms(problem, ()) if decision.verdict == "none" else 0.0
+    poorer = one_degree_less(problem.base, problem.table) if alone > FAR_BEYOND_NOISE else None
     if poorer is None:
         return decision
-    begun_there = begin(poorer, decision.prepared, noise, settings, stages)
-    again = _with_family(go_on(begun_there, seed, stages), stages.describe)
+    again = _with_family(beside(decision.prepared, settings, None, poorer), stages.describe)
     left = held_out_rms(again.problem, again.accepted.effects)
     # What follows the pose alone may be what the degree holds.
     other = any(item.effect.kind != "pose" for item in again.accepted.effects)

@@ -27,6 +27,7 @@ from ecm.models.evaluation import on_what_is_measured
 from ecm.models.expression import Expression, FunctionModel
 from ecm.models.joint_fit import base_columns, declared_or_fitted, usable_sd
 from ecm.models.maps import (
+    EnergyMap,
     FittedMap,
     MapDefaults,
     ModelSpecification,
@@ -309,6 +310,20 @@ def polynomial(table: Table, also: int = 0) -> StiffnessMap:
     """The free polynomial of the degree that the rows can carry, up to three; also of another."""
     degrees = (*_POLYNOMIAL, *([also] if also > _POLYNOMIAL[-1] else []))
     return _by_degree(table, [PolynomialModel(degree) for degree in degrees])
+
+
+def one_degree_less(base: StiffnessMap, table: Table) -> StiffnessMap | None:
+    """The energy or polynomial of a degree below that of a base; None where there is none.
+
+    A degree is chosen beside no effect: of few rows a higher one takes in what an effect does, and
+    errs by far where no row was.
+    """
+    whole = whole_map(base)
+    if isinstance(whole, EnergyMap) and whole.terms.degree > _ENERGY[0]:
+        return _by_degree(table, [EnergyModel(whole.terms.degree - 1, whole.terms.symmetry)])
+    if isinstance(whole, PolynomialMap) and whole.model.degree > _POLYNOMIAL[0]:
+        return _by_degree(table, [PolynomialModel(whole.model.degree - 1)])
+    return None
 
 
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:

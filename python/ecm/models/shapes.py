@@ -1,8 +1,8 @@
 """Shape of an effect in a fit: of its variants the one that explains most beside the others.
 
-Variants are compared by what their tangents leave, by BIC. A richer
-form, as the second branch of a relaxation, must in addition foretell rows that it was not fitted
-to: in sum better than the plain form, and in no part of the rows much worse.
+Variants are compared by what their tangents leave, by BIC. A richer form, as the second branch of a
+relaxation, must in addition foretell rows that it was not fitted to: in sum better than the plain
+form, and in no part of the rows much worse.
 """
 
 from __future__ import annotations
@@ -164,16 +164,16 @@ class _Place:
     def value(self, shape: Effect) -> float:
         """Log likelihood, twice, of what a shape leaves, less ln(n) for each parameter (BIC).
 
-        The size of the noise is what is left: of a base that errs many times the noise, that of
-        one reading would make any number of parameters cheap.
+        The noise is as large as what is left, and never below that of the readings: of a base that
+        errs many times the noise, that of one reading would make any number of parameters cheap.
         """
         left = self.columns(shape)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ self.left)):
             return -np.inf
         own, size = orthonormal(left), self.left.size
-        squares = float((self.left**2).sum())
-        rest = max(squares - float(((own.T @ self.left) ** 2).sum()), 1e-12 * squares, 1e-300)
-        return -size * math.log(rest) - len(shape.parameters) * math.log(size)
+        rest = float(self.left @ self.left) - float(((own.T @ self.left) ** 2).sum())
+        variance = max(1.0, rest / size)
+        return -size * math.log(variance) - rest / variance - len(shape.parameters) * math.log(size)
 
     def foretells_better(self, richer: Effect, plain: Effect) -> bool:
         """Whether a richer shape foretells the parts of the rows better than a plain one."""

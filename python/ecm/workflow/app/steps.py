@@ -98,7 +98,7 @@ _OPTIONS: dict[str, dict[str, str | list[str] | None]] = {
         **{"map": [_ANY], "ignore": [_ANY], "group": _ANY},
         **{"rotation": _WORDS, "units": _WORDS, "axis": _WORDS, "leave_out": None},
     },
-    "fit": {"model": _MODEL, "curve": None, "force": None},
+    "fit": {"model": _MODEL, "add": [_ANY], "curve": None, "force": None},
     "refit": {"add": [_ANY], "remove": [_ANY], "freeze": [_ANY], "force": None},
     "export": {"to": _TARGET, "mass": _NUMBER, "inertia": _NUMBER, "force": None},
     "check": {"skip_bad_rows": None},
@@ -223,8 +223,8 @@ def _import(request: Request, files: Files, n: int) -> Command:
 
 def _fit(request: Request, files: Files, n: int) -> Command:
     model, report = f"model-{n}.json", f"fit-{n}.json"
-    argv = ["fit", *_data(files), *_options("fit", request), "--out", model, "--json", report]
-    return Command(argv, [model, report])
+    argv = ["fit", *_data(files), *_known_effects(_options("fit", request))]
+    return Command([*argv, "--out", model, "--json", report], [model, report])
 
 
 def _compare(_request: Request, files: Files, n: int) -> Command:
@@ -242,12 +242,17 @@ def _diagnose(_request: Request, files: Files, n: int) -> Command:
 
 def _refit(request: Request, files: Files, n: int) -> Command:
     model, report = f"model-{n}.json", f"refit-{n}.json"
-    argv = ["refit", _model(files), *_data(files), *_options("refit", request)]
-    load_installed()
-    for option, name in pairwise(argv):
-        if option in ("--add", "--remove", "--freeze") and (option, name) != ("--freeze", "base"):
-            get_effect(name)  # the only names that reach a command line
+    argv = ["refit", _model(files), *_data(files), *_known_effects(_options("refit", request))]
     return Command([*argv, "--out", model, "--json", report], [model, report])
+
+
+def _known_effects(options: list[str]) -> list[str]:
+    """Options as they are, where each effect in them is one: no other name is for a command."""
+    load_installed()
+    for option, name in pairwise(options):
+        if option in ("--add", "--remove", "--freeze") and (option, name) != ("--freeze", "base"):
+            get_effect(name)
+    return options
 
 
 def _example(request: Request, _files: Files, n: int) -> Command:

@@ -19,6 +19,7 @@ function label(verb, request) {
   if (request.skip_bad_rows || request.leave_out) return "Leave these rows out";
   if (request.force) return verb === "export" ? "Export it all the same" : "Save it all the same";
   if (request.remove) return `Leave out ${names(request.remove)} and fit again`;
+  if (verb === "fit" && request.add) return `Fit ${effectName(request.model ?? "")} with ${names(request.add)}`;
   if (request.add) return `Add ${names(request.add)} and fit again`;
   return {fit: `Fit ${effectName(request.model ?? "")}`, import: "Import it", check: "Check again",
     export: `Export as ${request.to}`}[verb] ?? "Do this";
