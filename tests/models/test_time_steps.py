@@ -6,6 +6,7 @@ import copy
 import ctypes
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,8 @@ ONE_BY_ONE: list[tuple[Effect, list[float]]] = [
     (MullinsSoftening(), [0.1]),
     FRICTION,
 ]
+MEDIANS = {"energy": 0.1, "bend": 0.2, "reach": 0.02}
+"""Of the table of a fit: widths count from them."""
 
 
 def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path) -> None:
@@ -122,12 +125,20 @@ def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "effects", [*([item] for item in ONE_BY_ONE), ONE_BY_ONE[2:], [(Ageing(), [1e-5])]]
+    "effects",
+    [
+        *([item] for item in ONE_BY_ONE),
+        ONE_BY_ONE[2:],
+        [(Ageing(), [1e-5])],
+        *([(MullinsSoftening(width, of), [0.3])] for of in MEDIANS for width in (0.0, 0.7)),
+    ],
 )
 def test_steps_are_what_the_effect_predicts_along_a_recorded_table(
     plain: Model, effects: list[tuple[Effect, list[float]]]
 ) -> None:
     model = with_effects(plain, *effects)
+    of_fit = {f"middle_{name}": value for name, value in MEDIANS.items()}
+    model = replace(model, training=model.training | {"of_fit": of_fit})
     table = recorded(model)
     expected = model.predict(table)
     controller = model.controller()

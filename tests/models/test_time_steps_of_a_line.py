@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.effects.ageing import Ageing, MullinsSoftening
+from ecm.effects.ageing import Ageing
+from ecm.effects.motion import ViscousDamping
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import as_table, read_table
@@ -22,6 +23,9 @@ from support.models import with_effects
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import need_program
+
+COLUMN = "unused_column:slider_mm"
+"""An effect of a column that files do not take."""
 
 META = ROOT / "examples" / "viscoelastic_shear.toml"
 
@@ -128,29 +132,31 @@ def test_what_acts_on_one_angle_is_folded_into_its_polynomial(kind: str, tmp_pat
 
 
 def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(tmp_path: Path) -> None:
-    table = one_angle("mullins_softening")
-    model = fit_model(table, "cubic").add("mullins_softening").fit(table)
-    with pytest.raises(InputError, match=r"mullins_softening is .* times the measurement noise"):
+    table = one_angle(COLUMN)
+    model = fit_model(table, "cubic").add(COLUMN).fit(table)
+    with pytest.raises(InputError, match=rf"{COLUMN} is .* times the measurement noise"):
         export(model, "c", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
     exported = export(model, "c", tmp_path / "forced", force=True)
-    assert exported.left_out == ("mullins_softening",)
+    assert exported.left_out == (COLUMN,)
     assert any("A model fitted without it may be nearer" in note for note in exported.notes)
-    small = one_angle("")
-    model = fit_model(small, "cubic").add("mullins_softening").fit(small)
+    small = one_angle("").with_columns({"slider_mm": table["slider_mm"]})
+    model = fit_model(small, "cubic").add(COLUMN).fit(small)
     assert export(model, "c", tmp_path / "small").lost == {}
 
 
 def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path) -> None:
     """Without noise the residual weighs the rows, and an effect is small against it."""
-    table = one_angle("mullins_softening")
-    plain = as_table({name: table[name] for name in ("theta_z_rad", "tau_z_Nm", "time_s")})
-    model = fit_model(plain, "linear").add("mullins_softening").fit(plain)
+    table = one_angle(COLUMN)
+    angle, slider = table["theta_z_rad"], table["slider_mm"]
+    torque = table["tau_z_Nm"] * (1.0 + 0.01 * slider)
+    plain = as_table({"theta_z_rad": angle, "tau_z_Nm": torque, "slider_mm": slider})
+    model = fit_model(plain, "linear").add(COLUMN).fit(plain)
     assert model.noise.is_residual
-    with pytest.raises(InputError, match=r"mullins_softening is \d+ % of the measured wrench"):
+    with pytest.raises(InputError, match=rf"{COLUMN} is \d+ % of the measured wrench"):
         export(model, "c", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
-    assert export(model, "c", tmp_path / "forced", force=True).left_out == ("mullins_softening",)
+    assert export(model, "c", tmp_path / "forced", force=True).left_out == (COLUMN,)
 
 
 def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> None:
@@ -161,8 +167,9 @@ def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> N
             export_files(model, "c", loop=stated)
     assert export_files(model, "c", loop=LoopSettings()).left_out == ()
     assert export_files(model, "rust").left_out == ()
-    settles = with_effects(fit_model(table, "cubic"), (MullinsSoftening(load_width=0.0), [0.1]))
-    assert any("ecm predict has it" in note for note in export_files(settles, "c").notes)
+    damped = ViscousDamping("theta_z_rad>tau_z_Nm", 1.0)
+    damps = with_effects(fit_model(table, "cubic"), (damped, [0.1]))
+    assert any("ecm predict has it" in note for note in export_files(damps, "c").notes)
     neck = fit_model(campaign(seed=3), "linear")
     with pytest.raises(InputError, match=r"--delay \(delay_s\): no file of this model for"):
         export_files(neck, "mujoco", loop=LoopSettings(2.0, 0.01, delay_s=0.01))

@@ -3,7 +3,7 @@
 
 mod common;
 
-use ecm_poly::stepper::{Branch, Effects, Inputs, State, Stepper, diagonal};
+use ecm_poly::stepper::{Branch, Effects, Inputs, Softening, State, Stepper, diagonal};
 use ecm_poly::{EnergyModel, Pose, Wrench};
 use ecm_se3::linear::{Mat3, Vec3, apply, apply_transposed, cross};
 use ecm_se3::{Mat6, Vec6, half_rotation, rotation_matrix, rotation_vector};
@@ -35,7 +35,7 @@ fn effects(all: bool) -> Effects<f64> {
         effects.ageing_per_s = 1e-6;
         effects.settling_per_s = 1e-4;
         effects.damping = [30.0, 0.1];
-        effects.softening = 0.08;
+        effects.softening.share = 0.08;
         effects.set_share = 0.02;
     }
     effects
@@ -52,6 +52,30 @@ fn pose(q: &Vec6<f64>) -> Pose<f64> {
 fn point() -> impl Strategy<Value = Vec6<f64>> {
     proptest::array::uniform6(-1.0..1.0f64)
         .prop_map(|x| core::array::from_fn(|j| x[j] * if j < 3 { 8e-3 } else { 0.4 }))
+}
+
+/// By work, bend, distance and force, as a straight line and with a width.
+fn softening() -> impl Strategy<Value = Softening<f64>> {
+    let measures = [
+        ([0.0; 6], [0.0; 6], 0.1, false),
+        ([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], [0.0; 6], 0.2, true),
+        (
+            [1.0, 1.0, 1.0, LENGTH, LENGTH, LENGTH],
+            [0.0; 6],
+            0.01,
+            true,
+        ),
+        ([0.0; 6], [1.0, 1.0, 1.0, 0.0, 0.0, 0.0], 30.0, false),
+    ];
+    (proptest::sample::select(measures.to_vec()), any::<bool>()).prop_map(
+        |((of_pose, of_wrench, width, hyperbolic), straight)| Softening {
+            share: 0.2,
+            width: if straight { 0.0 } else { width },
+            hyperbolic,
+            of_pose,
+            of_wrench,
+        },
+    )
 }
 
 fn way() -> impl Strategy<Value = Vec<(Vec6<f64>, f64)>> {
@@ -79,9 +103,10 @@ proptest! {
     #![proptest_config(common::config(64))]
 
     #[test]
-    fn the_tangent_is_the_derivative_of_the_step(way in way()) {
+    fn the_tangent_is_the_derivative_of_the_step(way in way(), softening in softening()) {
         let model = neck();
-        let stepper = Stepper { model: &model, effects: effects(true) };
+        let effects = Effects { softening, ..effects(true) };
+        let stepper = Stepper { model: &model, effects };
         let inputs = Inputs { temperature_degc: 27.0, age_s: 5e3 };
         let mut state = stepper.init(&pose(&way[0].0)).unwrap();
         for (q, dt) in &way[1..] {
@@ -170,7 +195,7 @@ proptest! {
         let model = neck();
         let mut effects = effects(true);
         effects.friction = [[0.0; 6]; 6];
-        effects.softening = 0.0;
+        effects.softening.share = 0.0;
         effects.set_share = 0.0;
         let stepper = Stepper { model: &model, effects };
         let inputs = Inputs { temperature_degc: 15.0, age_s: 0.0 };
@@ -229,7 +254,7 @@ proptest! {
         // whose springs slip along two fixed axes.
         let mut effects = effects(true);
         effects.damping = [0.0; 2];
-        effects.softening = 0.0;
+        effects.softening.share = 0.0;
         effects.set_share = 0.0;
         effects.friction = [[0.0; 6]; 6];
         let stepper = Stepper { model: &model, effects };

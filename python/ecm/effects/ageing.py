@@ -288,10 +288,10 @@ class MullinsSoftening(TimedEffect):
             width *= float(middle)
         if not (self.load_width or self.width):
             lost = below / np.where(largest > 0.0, largest, 1.0)
-        elif self.load_width is not None or self.measure == "energy":
-            lost = np.tanh(below / max(width, 1e-300))
-        else:
+        elif self.is_hyperbolic:
             lost = below / np.maximum(below + width, 1e-300)
+        else:
+            lost = np.tanh(below / max(width, 1e-300))
         return np.asarray(-(lost[:, None] * rows.material_wrench)[:, :, None])
 
     def _size(self, rows: Rows) -> F:
@@ -304,6 +304,20 @@ class MullinsSoftening(TimedEffect):
         bend = self.measure == "bend"
         size = np.linalg.norm(away[:, 3:], axis=1) if bend else _far(away, rows.length_m)
         return rows.loaded(size)
+
+    def weights(self, outputs: tuple[str, ...], length_m: float | None) -> list[list[float]]:
+        """(2, 6) a and b of the load W, W^2 = |a (p - p0)|^2 + |b h|^2; zeros: it is the energy."""
+        if self.load_width is not None:
+            forces = [name for name in outputs if name in WRENCH[:3]] or outputs
+            return [[0.0] * 6, [float(name in forces) for name in WRENCH]]
+        places = {"energy": 0.0, "bend": 0.0, "reach": 1.0}[self.measure]
+        turns = {"energy": 0.0, "bend": 1.0, "reach": length_m or 1.0}[self.measure]
+        return [[places] * 3 + [turns] * 3, [0.0] * 6]
+
+    @property
+    def is_hyperbolic(self) -> bool:
+        """Whether the loss is u / (u + width), u what lies below the largest load; else a tanh."""
+        return self.load_width is None and self.measure != "energy"
 
 
 @dataclass(eq=False)

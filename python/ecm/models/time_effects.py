@@ -438,11 +438,25 @@ def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: 
 def _softening(
     found: TimeEffects, model: EvaluatedModel, effect: MullinsSoftening, values: F
 ) -> str:
-    if effect.width > 0.0 or effect.measure != "energy":
-        return "its loss counts from a median of the campaign, which the model file does not hold"
+    width, weights = effect.width, effect.weights(model.outputs, model.known_length_m)
+    if effect.load_width is not None:
+        width = effect.load_width
+    elif not is_whole(model.base):
+        return _NOT_BY_COLUMNS
+    elif width:
+        middle = model.of_fit.get(f"middle_{effect.measure}")
+        if middle is None:
+            return "its loss counts from a median that is not in the file; ecm refit writes it"
+        width *= float(middle)
+    if "permanent_set" in (item.id for item in model.effects) and any(map(any, weights)):
+        return "permanent_set remembers the largest work, this another load: files hold one of them"
     found.document["softening"] = float(values[0])
+    found.document["softening_width"] = width
+    found.document["softening_hyperbolic"] = effect.is_hyperbolic
+    of_pose, of_wrench = weights
+    found.document["softening_of_pose"], found.document["softening_of_wrench"] = of_pose, of_wrench
     found.warnings.append(
-        "mullins_softening is not passive: p h / 2 is not the stored energy of a nonlinear body."
+        "mullins_softening is not passive: its load is not the stored energy of a nonlinear body."
     )
     return ""
 
@@ -482,7 +496,8 @@ _WITH_A_MEMORY = {
     "stress_relaxation", "hysteresis", "viscous_damping", "mullins_softening", "permanent_set"
 }  # fmt: skip
 _BY_COLUMNS = (
-    "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing"
+    "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing",
+    "mullins_softening",
 )  # fmt: skip
 _NOT_BY_COLUMNS = (
     "with fewer than all six columns it has no step; ecm predict has it for a whole table"

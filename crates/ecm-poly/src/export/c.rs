@@ -192,6 +192,7 @@ impl Steps {
         let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
         let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
         let number = |x: f64| format!("{x:e}");
+        let softening = &effects.softening;
         let (frame, own, farthest, words) = match &effects.columns {
             Some(ends) => (
                 include_str!("templates/frame_columns.c"),
@@ -250,7 +251,15 @@ impl Steps {
                 ("AGEING", &number(effects.ageing_per_s)),
                 ("SETTLING", &number(effects.settling_per_s)),
                 ("FARTHEST", &farthest),
-                ("SOFTENING", &number(effects.softening)),
+                ("SOFTENING", &number(softening.share)),
+                ("SOFTWIDTH", &number(softening.width)),
+                ("HYPERBOLIC", &u8::from(softening.hyperbolic).to_string()),
+                ("LOADOFPOSE", &row(&places.of_inputs(&softening.of_pose))),
+                (
+                    "LOADOFWRENCH",
+                    &row(&places.of_outputs(&softening.of_wrench)),
+                ),
+                ("BYWORK", &u8::from(softening.is_of_work()).to_string()),
                 ("SETSHARE", &number(effects.set_share)),
                 ("LEASTINPUTS", &row(&ranges.map(|r| r[0]))),
                 ("LARGESTINPUTS", &row(&ranges.map(|r| r[1]))),

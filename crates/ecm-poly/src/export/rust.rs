@@ -328,6 +328,14 @@ fn steps<R: Real>(
             branch.linear
         )
     });
+    let softening = format!(
+        "Softening {{ share: {}, width: {}, hyperbolic: {}, of_pose: [{}], of_wrench: [{}] }}",
+        number(effects.softening.share),
+        number(effects.softening.width),
+        effects.softening.hyperbolic,
+        row(&effects.softening.of_pose),
+        row(&effects.softening.of_wrench),
+    );
     // Copies of columns would cost a twentieth of a step of all six.
     let of_map = match &effects.columns {
         Some(_) => include_str!("templates/at_places.rs.txt"),
@@ -353,7 +361,7 @@ fn steps<R: Real>(
             ("AGEING", &number(effects.ageing_per_s)),
             ("SETTLING", &number(effects.settling_per_s)),
             ("DAMPING", &row(&effects.damping)),
-            ("SOFTENING", &number(effects.softening)),
+            ("SOFTENING", &softening),
             ("SETSHARE", &number(effects.set_share)),
             ("TEMPERATURES", &range(&effects.temperature_range_degc)),
             ("AGES", &range(&effects.age_range_s)),

@@ -7,7 +7,7 @@ use std::vec::Vec;
 use ecm_se3::{Mat6, Real, Vec6};
 use serde_json::{Map, Value};
 
-use super::{BRANCHES, Branch, Effects, diagonal};
+use super::{BRANCHES, Branch, Effects, Softening, diagonal};
 use crate::error::ModelError;
 
 impl Effects<f64> {
@@ -58,7 +58,13 @@ impl Effects<f64> {
             steady if steady <= 0.0 => 0.0,
             tau_s => 1.0 / tau_s,
         };
-        effects.softening = number(document, "softening", Some(0.0))?;
+        effects.softening = Softening {
+            share: number(document, "softening", Some(0.0))?,
+            width: number(document, "softening_width", Some(0.0))?,
+            hyperbolic: document.get("softening_hyperbolic") == Some(&Value::Bool(true)),
+            of_pose: numbers(document, "softening_of_pose")?,
+            of_wrench: numbers(document, "softening_of_wrench")?,
+        };
         effects.set_share = number(document, "set_share", Some(0.0))?;
         effects.temperature_range_degc = range(document, "temperature_range_degc")?;
         effects.age_range_s = range(document, "age_range_s")?;
@@ -82,7 +88,7 @@ impl Effects<f64> {
             ("thermal_expansion", self.growth_per_kelvin != 0.0),
             ("ageing", self.ageing_per_s != 0.0),
             ("viscous_damping", any(&self.damping)),
-            ("mullins_softening", self.softening != 0.0),
+            ("mullins_softening", self.softening.share != 0.0),
             ("permanent_set", self.set_share != 0.0),
         ];
         let acting: Vec<&str> = names.iter().filter(|n| n.1).map(|n| n.0).collect();
@@ -128,7 +134,13 @@ impl Effects<f64> {
             ageing_per_s: R::from_f64(self.ageing_per_s),
             settling_per_s: R::from_f64(self.settling_per_s),
             damping: self.damping.map(R::from_f64),
-            softening: R::from_f64(self.softening),
+            softening: Softening {
+                share: R::from_f64(self.softening.share),
+                width: R::from_f64(self.softening.width),
+                hyperbolic: self.softening.hyperbolic,
+                of_pose: six(self.softening.of_pose),
+                of_wrench: six(self.softening.of_wrench),
+            },
             set_share: R::from_f64(self.set_share),
             temperature_range_degc: self.temperature_range_degc.map(|r| r.map(R::from_f64)),
             age_range_s: self.age_range_s.map(|r| r.map(R::from_f64)),

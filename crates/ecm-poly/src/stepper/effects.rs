@@ -18,6 +18,87 @@ pub struct Branch<R> {
     pub linear: bool,
 }
 
+/// Softening below the largest load W so far: h (1 − η g(W_max − W)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Softening<R> {
+    /// η.
+    pub share: R,
+    /// Width w of the loss, in the unit of W; 0: g = 1 − W/W_max, a straight line.
+    pub width: R,
+    /// Whether g(u) = u/(u + w) with a width; else tanh(u/w).
+    pub hyperbolic: bool,
+    /// a of W² = |a (p − p0)|² + |b h|²; where a and b are zero W is the work |(p − p0) · h|/2.
+    pub of_pose: Vec6<R>,
+    /// b.
+    pub of_wrench: Vec6<R>,
+}
+
+impl<R: Real> Softening<R> {
+    /// No softening; the largest load is the largest work.
+    pub const fn none() -> Self {
+        Self {
+            share: R::ZERO,
+            width: R::ZERO,
+            hyperbolic: false,
+            of_pose: [R::ZERO; 6],
+            of_wrench: [R::ZERO; 6],
+        }
+    }
+
+    /// Whether W is the work.
+    pub fn is_of_work(&self) -> bool {
+        let all = self.of_pose.iter().chain(&self.of_wrench);
+        all.fold(R::ZERO, |sum, &x| sum + x * x) <= R::ZERO
+    }
+
+    /// W and ∂W/∂p, at p − p0, h and K.
+    pub(crate) fn load(&self, away: &Vec6<R>, h: &Vec6<R>, stiffness: &Mat6<R>) -> (R, Vec6<R>) {
+        let weighed =
+            |weights: &Vec6<R>, of: &Vec6<R>| core::array::from_fn(|j| weights[j] * of[j]);
+        let along =
+            |x: &Vec6<R>, j: usize| (0..6).fold(R::ZERO, |sum, i| sum + x[i] * stiffness[i][j]);
+        let dot = |x: &Vec6<R>, y: &Vec6<R>| (0..6).fold(R::ZERO, |sum, j| sum + x[j] * y[j]);
+        if self.is_of_work() {
+            let product = dot(away, h);
+            let half = if product < R::ZERO { -R::HALF } else { R::HALF };
+            let slope = core::array::from_fn(|j| half * (h[j] + along(away, j)));
+            return (half * product, slope);
+        }
+        let (a, b) = (weighed(&self.of_pose, away), weighed(&self.of_wrench, h));
+        let square = dot(&a, &a) + dot(&b, &b);
+        // The sum of the sizes is at most √12 times the root: seven steps of Newton have all digits.
+        let sizes = a.iter().chain(&b);
+        let mut load = sizes.fold(R::ZERO, |sum, &x| sum + if x < R::ZERO { -x } else { x });
+        if load <= R::ZERO {
+            return (R::ZERO, [R::ZERO; 6]);
+        }
+        for _ in 0..7 {
+            load = R::HALF * (load + square / load);
+        }
+        let (a, b) = (weighed(&self.of_pose, &a), weighed(&self.of_wrench, &b));
+        (load, core::array::from_fn(|j| (a[j] + along(&b, j)) / load))
+    }
+
+    /// g, and how fast it falls with W.
+    pub(crate) fn lost(&self, load: R, largest: R) -> (R, R) {
+        let below = largest - load;
+        if largest <= R::ZERO {
+            return (R::ZERO, R::ZERO);
+        }
+        if self.width <= R::ZERO {
+            return (R::ONE - load / largest, R::ONE / largest);
+        }
+        if self.hyperbolic {
+            let all = below + self.width;
+            return (below / all, self.width / (all * all));
+        }
+        // tanh x of 1 − e^(−2x)
+        let lost = Decay::new(R::TWO * below / self.width).lost;
+        let tanh = lost / (R::TWO - lost);
+        (tanh, (R::ONE - tanh * tanh) / self.width)
+    }
+}
+
 /// Effects of time beside a static map; an effect that is zero is absent.
 ///
 /// All act in the mid-frame coordinates q and their forces Q, and add to the static wrench h. With
@@ -48,8 +129,8 @@ pub struct Effects<R> {
     pub settling_per_s: R,
     /// D (N s/m, N m s/rad) of translation and of rotation.
     pub damping: [R; 2],
-    /// η: h (1 − η (1 − W/W_max)), W = |(p − p0) · h|/2.
-    pub softening: R,
+    /// Softening below the largest load W_max.
+    pub softening: Softening<R>,
     /// Share of the deflection at W_max that stays as a set s: h(p − s).
     pub set_share: R,
     /// Temperatures (°C) for which the model was measured; None: any.
@@ -84,7 +165,7 @@ impl<R: Real> Effects<R> {
             ageing_per_s: R::ZERO,
             settling_per_s: R::ZERO,
             damping: [R::ZERO; 2],
-            softening: R::ZERO,
+            softening: Softening::none(),
             set_share: R::ZERO,
             temperature_range_degc: None,
             age_range_s: None,

@@ -47,7 +47,7 @@ mod document;
 mod models;
 
 pub use decay::Decay;
-pub use effects::{BRANCHES, Branch, Effects, Inputs, diagonal};
+pub use effects::{BRANCHES, Branch, Effects, Inputs, Softening, diagonal};
 pub use state::{STATE_NUMBERS, State};
 
 use ecm_se3::linear::add;
@@ -77,8 +77,8 @@ struct Here<R> {
     wrench: Wrench<R>,
     stiffness: Mat6<R>,
     /// W and ∂W/∂p.
-    work: R,
-    work_slope: Vec6<R>,
+    load: R,
+    load_slope: Vec6<R>,
 }
 
 /// The static map at the pose less the set; the derivative is that to the pose.
@@ -101,7 +101,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             stretch: [R::ZERO; 6],
             memory: [[R::ZERO; 6]; BRANCHES],
             carry: [[R::ZERO; 6]; BRANCHES],
-            largest: here.work,
+            largest: here.load,
         })
     }
 
@@ -187,9 +187,14 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 total[i] += friction[j] * pulls[j];
             }
         }
-        let (largest, softer) = self.softer(&here, state.largest);
+        let largest = if here.load > state.largest {
+            here.load
+        } else {
+            state.largest
+        };
+        let (lost, falls) = effects.softening.lost(here.load, largest);
         let size = self.effects.size(inputs);
-        let loss = effects.softening * softer;
+        let loss = effects.softening.share * lost;
         // With a set h(p − s) stands for h(p), which temperature and the largest load scale.
         let own = if set.is_some() {
             size - loss - R::ONE
@@ -207,11 +212,11 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let mut tangent: Mat6<R> = core::array::from_fn(|i| {
             core::array::from_fn(|j| factor * here.stiffness[i][j] + beside[i][j])
         });
-        if largest > here.work {
+        if largest > here.load {
             let h = here.wrench.to_array();
             for i in 0..6 {
                 for j in 0..6 {
-                    tangent[i][j] += effects.softening * h[i] * here.work_slope[j] / largest;
+                    tangent[i][j] += effects.softening.share * h[i] * here.load_slope[j] * falls;
                 }
             }
         }
@@ -241,7 +246,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 tangent[j][j] += damping;
             }
         }
-        if here.work > state.largest {
+        if here.load > state.largest {
             state.farthest = here.pose;
         }
         state.coordinates = q;
@@ -312,7 +317,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         if share * share <= R::ZERO {
             return Some(None);
         }
-        let grows = here.work > state.largest;
+        let grows = here.load > state.largest;
         let farthest = if grows { &here.pose } else { &state.farthest };
         let mut shifted = core::array::from_fn(|j| here.pose[j] - share * farthest[j]);
         shifted[0] += share * self.effects.length_m;
@@ -335,21 +340,6 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         core::array::from_fn(|j| now[j] - then[j])
     }
 
-    /// W_max with this pose, and 1 − W/W_max.
-    fn softer(&self, here: &Here<R>, before: R) -> (R, R) {
-        let largest = if here.work > before {
-            here.work
-        } else {
-            before
-        };
-        let below = if largest > R::ZERO {
-            R::ONE - here.work / largest
-        } else {
-            R::ZERO
-        };
-        (largest, below)
-    }
-
     #[inline(always)]
     fn here(&self, pose: &Pose<R>) -> Option<Here<R>> {
         let (wrench, stiffness) = self.model.wrench_and_stiffness(pose);
@@ -361,18 +351,14 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         }
         let mut away = p;
         away[0] -= self.effects.length_m;
-        let product = (0..6).fold(R::ZERO, |sum, j| sum + away[j] * h[j]);
-        let half = if product < R::ZERO { -R::HALF } else { R::HALF };
-        let work_slope = core::array::from_fn(|j| {
-            half * (0..6).fold(h[j], |sum, i| sum + stiffness[i][j] * away[i])
-        });
+        let (load, load_slope) = self.effects.softening.load(&away, &h, &stiffness);
         Some(Here {
             pose: p,
             frame,
             wrench,
             stiffness,
-            work: half * product,
-            work_slope,
+            load,
+            load_slope,
         })
     }
 }

@@ -10,7 +10,7 @@ use super::BRANCHES;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct State<R> {
-    /// Pose of the largest work so far.
+    /// Pose of the largest load so far.
     pub farthest: Vec6<R>,
     /// q of the last step.
     pub coordinates: Vec6<R>,
@@ -22,7 +22,7 @@ pub struct State<R> {
     pub memory: [Vec6<R>; BRANCHES],
     /// What rounding left out of m: else slow branches would stand still in single precision.
     pub carry: [Vec6<R>; BRANCHES],
-    /// W_max (J).
+    /// W_max: J, or as `Softening` measures it.
     pub largest: R,
 }
 

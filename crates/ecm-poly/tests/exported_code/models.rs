@@ -4,7 +4,7 @@ use ecm_poly::basis::exponents;
 use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::model_file::map::{POSE, WRENCH};
-use ecm_poly::stepper::{Branch, Effects, diagonal};
+use ecm_poly::stepper::{Branch, Effects, Softening, diagonal};
 use ecm_poly::{Symmetry, open_model, seal_model};
 use serde_json::{Map, Value, json};
 
@@ -78,7 +78,7 @@ pub fn effects() -> Effects<f64> {
     effects.ageing_per_s = 1e-5;
     effects.settling_per_s = 1.0 / 3e3;
     effects.damping = [2e-3, 2e-4];
-    effects.softening = 0.1;
+    effects.softening.share = 0.1;
     effects.set_share = 0.02;
     effects.temperature_range_degc = Some([15.0, 30.0]);
     effects.age_range_s = Some([0.0, 7200.0]);
@@ -92,5 +92,12 @@ pub fn effects_of_columns() -> Effects<f64> {
     effects.columns = Some([[-1e3; 6], [1e3; 6]]);
     (effects.stiffness[0][2], effects.stiffness[1][0]) = (7.0, -3.0);
     effects.friction[1][2] = 5.0;
+    effects.softening = Softening {
+        share: 0.1,
+        width: 0.4,
+        hyperbolic: false,
+        of_pose: [0.0; 6],
+        of_wrench: [1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
+    };
     effects
 }

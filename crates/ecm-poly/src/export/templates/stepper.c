@@ -14,6 +14,10 @@ static const real play_of[@N@] = {@PLAY@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real settling_per_s = R(@SETTLING@), growth_per_kelvin = R(@GROWTH@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
+/* Largest loads are measured as W^2 = |a (p - p0)|^2 + |b h|^2; where a and b are 0 as the work. */
+static const real softening_width = R(@SOFTWIDTH@), load_of_pose[@N@] = {@LOADOFPOSE@};
+static const real load_of_wrench[@M@] = {@LOADOFWRENCH@};
+enum { HYPERBOLIC = @HYPERBOLIC@, BY_WORK = @BYWORK@ };
 static const real damping_of[2] = {@DAMPING@};
 static const real farthest_of[] = {@FARTHEST@};
 /* 1 for an angle of p, or a moment of h */
@@ -27,11 +31,31 @@ enum { COUPLED = @COUPLED@ };
 
 @CONDITIONS@
 @FRAME@
-/* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
+/* The static map at a pose: Q, dQ/dq, h, and the load W. */
 typedef struct {
     frame_t frame;
-    real force[@M@], u[@NM@], h[@M@], away[@N@], work, sign;
+    real force[@M@], u[@NM@], h[@M@], away[@N@], load, sign;
 } here_t;
+
+/* W of lengths: their sum is at most sqrt(12) times the root, and seven steps have all digits. */
+static real load_at(const here_t *here)
+{
+    real square = R(0), load = R(0);
+    for (int32_t i = 0; i < @N@; i++) {
+        const real x = load_of_pose[i] * here->away[i];
+        square += x * x;
+        load += x < R(0) ? -x : x;
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        const real x = load_of_wrench[i] * here->h[i];
+        square += x * x;
+        load += x < R(0) ? -x : x;
+    }
+    for (int32_t i = 0; i < 7 && load > R(0); i++) {
+        load = R(0.5) * (load + square / load);
+    }
+    return load;
+}
 
 static int32_t find_here(const real *p, here_t *here)
 {
@@ -49,24 +73,51 @@ static int32_t find_here(const real *p, here_t *here)
         sum += here->h[i];
     }
     here->sign = product < R(0) ? R(-1) : R(1);
-    here->work = R(0.5) * here->sign * product;
+    here->load = BY_WORK ? R(0.5) * here->sign * product : load_at(here);
     return is_finite(sum) && is_near(here->frame.q);
 }
 
-/* K of a pose that is below the largest work: k += factor h dW/dp */
+/* K of a pose that is below the largest load: k += factor h dW/dp */
 static void soften(const real *p, const here_t *here, real factor, real *k)
 {
     real h[@M@], slope[@NM@];
+    const real size = BY_WORK ? R(2) * here->sign : here->load;
     @NAME@_value_and_stiffness(p, h, slope);
     for (int32_t j = 0; j < @N@; j++) {
-        real work = j < PAIRS ? h[j] : R(0);
-        for (int32_t i = 0; i < PAIRS; i++) {
-            work += slope[@N@ * i + j] * here->away[i];
-        }
+        const real a = load_of_pose[j];
+        real along = j < PAIRS && BY_WORK ? h[j] : a * a * here->away[j];
         for (int32_t i = 0; i < @M@; i++) {
-            k[@N@ * i + j] += R(0.5) * here->sign * factor * h[i] * work;
+            const real b = load_of_wrench[i];
+            along += slope[@N@ * i + j] * (!BY_WORK ? b * b * h[i] : i < PAIRS ? here->away[i] : R(0));
+        }
+        for (int32_t i = 0; i < @M@ && size * size > R(0); i++) {
+            k[@N@ * i + j] += factor * h[i] * along / size;
         }
     }
+}
+
+/* The share g that is lost below the largest load, and how fast it falls with the load */
+static real lost_below(real load, real largest, real *falls)
+{
+    const real below = largest - load, all = below + softening_width;
+    real lost, left;
+    *falls = R(0);
+    if (!(largest > R(0))) {
+        return R(0);
+    }
+    if (!(softening_width > R(0))) {
+        *falls = R(1) / largest;
+        return R(1) - load / largest;
+    }
+    if (HYPERBOLIC) {
+        *falls = softening_width / (all * all);
+        return below / all;
+    }
+    /* tanh x of 1 - exp(-2 x) */
+    decay(R(2) * below / softening_width, &lost, &left);
+    lost /= R(2) - lost;
+    *falls = (R(1) - lost * lost) / softening_width;
+    return lost;
 }
 
 /* h and its derivative at the pose less the set, which grows at the farthest pose; 0 where it is refused */
@@ -189,7 +240,7 @@ int32_t @NAME@_init(state_t *state, const real p[@N@])
             state->carry[b][i] = R(0);
         }
     }
-    state->largest = here.work;
+    state->largest = here.load;
     return 1;
 }
 
@@ -199,7 +250,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     here_t here;
     real lost[2], left[2], total[@M@], steep[@NM@] = {R(0)}, set_h[@M@], set_k[@NM@];
     real along[@N@], pulls[@N@], grips[@N@];
-    real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), below = R(0), size, slope[@NM@];
+    real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), falls, size, slope[@NM@];
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
     k = k ? k : slope;
@@ -209,7 +260,7 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     if (!(dt >= R(0) && is_finite(dt + size) && is_known(state) && find_here(p, &here))) {
         return refuse(h, k);
     }
-    grows = here.work > state->largest;
+    grows = here.load > state->largest;
     if (sets && !after_set(state, p, grows, set_h, set_k)) {
         return refuse(h, k);
     }
@@ -255,13 +306,10 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         }
     }
     if (grows) {
-        state->largest = here.work;
-    }
-    if (state->largest > R(0)) {
-        below = R(1) - here.work / state->largest;
+        state->largest = here.load;
     }
     /* With a set the wrench at the pose less the set stands for that at the pose. */
-    size -= softening * below + (sets ? R(1) : R(0));
+    size -= softening * lost_below(here.load, state->largest, &falls) + (sets ? R(1) : R(0));
     for (int32_t i = 0; i < @M@; i++) {
         total[i] += size * here.force[i];
     }
@@ -269,8 +317,8 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         steep[i] += (size + elastic) * here.u[i];
     }
     carried(&here.frame, total, steep, h, k);
-    if (state->largest > here.work && softening * softening > R(0)) {
-        soften(p, &here, softening / state->largest, k);
+    if (state->largest > here.load && softening * softening > R(0)) {
+        soften(p, &here, softening * falls, k);
     }
     if (sets) {
         for (int32_t i = 0; i < @M@; i++) {
