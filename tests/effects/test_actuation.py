@@ -14,14 +14,17 @@ import ecm
 from ecm.effects import get_effect
 from ecm.effects.actuation import PressureGain, PressureHysteresis, RegulatorLag, TendonStretch
 from ecm.effects.registry import effects_of_actuators
+from ecm.effects.relaxation import over_visits
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
-from ecm.models.actuated import ActuatedModel, exchanged
+from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, exchanged
 from ecm.regression.rows import Rows
 from support.driven import (
+    ARM,
+    NOISE,
     PRESSURES,
     TENSIONS,
     VOLUMES,
@@ -59,6 +62,38 @@ def test_tendon_friction_is_named_by_its_growth_with_the_bend(
     assert [item.id for item in found.effects] == ["capstan_friction"]
     assert found.effects[0].effect.shape["actuator"] == "tension_2_N"
     assert found.effects[0].values[0] == pytest.approx(0.4, rel=0.2)
+
+
+@pytest.mark.parametrize("kind", ["pressure", "tension"])
+def test_what_is_warm_is_the_wall_and_not_what_drives_it(kind: str) -> None:
+    """A body of s times the modulus has the wrench s h(p, a / s): the part of the inputs stays."""
+    table = arm_table() if kind == "pressure" else tendon_table()
+    plant = ecm.fit_model(table, "actuated5")
+    warm = 3.0 * np.random.default_rng(5).standard_normal(len(table))
+    wall = 1.0 - 0.02 * warm[:, None]
+    inputs = table.matrix(PRESSURES if kind == "pressure" else TENSIONS)
+    softened = wall * plant.predict(table.matrix(POSE), inputs / wall)
+    columns = dict(table.columns) | dict(zip(WRENCH, softened.T, strict=True))
+    columns["temperature_degC"] = 23.0 + warm
+    rows = ecm.as_table(columns, meta={**ARM, "instrument": NOISE})
+    model = ecm.refit(ecm.fit_model(rows, "actuated4"), rows, add="temperature_modulus")
+    assert model.effects[0].values[0] == pytest.approx(0.02, rel=0.05)
+    left = np.abs(model.readings(rows) - softened).max(axis=0)
+    assert (left < 0.05 * softened.std(axis=0)).all()
+
+
+@pytest.mark.parametrize("frame", ["", "middle"])
+def test_what_relaxes_is_the_wall_and_not_what_drives_it(frame: str) -> None:
+    """At a pose that stays, nothing relaxes of inputs that push a body in proportion to them."""
+    terms = ActuatedTerms(0.1, ("pressure",), degree=3, order=1)
+    scales, none = np.ones(terms.count()), np.zeros(len(terms.pure()))
+    base = ActuatedMap(terms, np.ones(2), np.ones(1), scales, none, ("pressure_1_Pa",))
+    columns = {name: np.full(24, 0.1 * j) for j, name in enumerate((*POSE, *WRENCH), 1)}
+    columns |= {"pressure_1_Pa": np.random.default_rng(2).uniform(0.0, 5.0, 24)}
+    columns |= {"time_s": 30.0 * np.arange(24), "dwell_s": np.tile([2.0, 20.0], 12)}
+    rows = Rows(ecm.as_table(columns, meta=ARM), base)
+    assert np.ptp(rows.wrench, axis=0).max() > 1.0
+    assert np.abs(over_visits(rows, 10.0, frame)[1:]).max() < 1e-9
 
 
 def test_a_winch_that_stands_still_stretches_the_tendon(pulled: Table, pulled_model: Model) -> None:

@@ -20,6 +20,7 @@ from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import _worse_held_out, objections, refit, refuse_addition, undetermined
 from ecm.regression.noise import Noise
+from support.driven import ARM, NOISE, arm_table
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle, prandtl_play
 
@@ -102,6 +103,22 @@ def test_below_the_noise_no_error_refuses_and_a_residual_is_no_noise() -> None:
     assert _worse_held_out(known) == []
     (said,) = _worse_held_out(replace(known, history=(record, replace(record, held_out=1.2))))
     assert said == "on held-out rows it errs 1.2 times the noise, before 0.5"
+
+
+def test_a_constant_wrench_beside_an_energy_is_said_with_a_way_to_its_name() -> None:
+    """An energy is at rest somewhere, so a payload leaves more of it than of the mean."""
+    arm = arm_table()
+    wrenches = arm.wrenches + np.random.default_rng(1).standard_normal((100, 6)) * np.repeat(
+        list(NOISE.values()), 3
+    )
+    wrenches[:, 2] += 8.0 * arm.wrenches[:, 2].std()
+    columns = dict(arm.columns) | dict(zip(WRENCH, wrenches.T, strict=True))
+    rows = ecm.as_table(columns, meta={**ARM, "instrument": NOISE})
+    with pytest.raises(ComputationError, match="one constant wrench") as refused:
+        fit_model(rows, "actuated4")
+    way = remedy_of(refused.value)
+    assert way is not None
+    assert way.shown == 'better = ecm.fit(table, "actuated4", force=True)'
 
 
 def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:

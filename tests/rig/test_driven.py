@@ -17,6 +17,7 @@ from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.hidden.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.material import Ageing
 from ecm.rig.physics.supply import Slip
 from ecm.rig.physics.true_effect import Conditions, RigScale, Supply
 from ecm.rig.plant import residual
@@ -111,6 +112,22 @@ def test_a_pressure_that_is_not_the_one_set_acts_on_the_wrench(plan: Table) -> N
     assert not (acts["regulator_step_Pa"] % 500.0).any()
     assert np.abs(acts["regulator_step_Pa"] - asked).max() <= 250.0
     assert (acts["chamber_leak_per_s"] <= asked).all()
+
+
+def test_the_material_softens_and_the_push_of_the_pressures_stays(plan: Table) -> None:
+    """The wrench of an aged body grows by that of its material, h - G a."""
+    plain = campaign(plan)
+    aged = plain.plant.put(Ageing(0.2))
+    rows = plain.visits.at_poses
+    size = 1.0 + 0.2 * np.log1p(plain.visits.time_s / 3600.0) / np.log(2.0)
+    base, reached, inputs = arm_model().actuated, plain.visits.reached, plain.visits.inputs
+    at = np.hstack([reached, inputs])
+    push = (base.actuation_jacobian(at) @ inputs[:, :, None])[:, :, 0]
+    more = (size - 1.0)[:, None] * (base.predict(at) - push)
+    wrong = (size - 1.0)[:, None] * push
+    found = residual(aged, plain.visits) - residual(plain.plant, plain.visits)
+    assert np.abs(found - more[rows]).max() < 0.03 * np.abs(more[rows]).max()
+    assert np.abs(wrong[rows]).max() > 0.1 * np.abs(more[rows]).max()
 
 
 def test_lag_and_leak_follow_the_time_since_the_pressure_was_set(plan: Table) -> None:

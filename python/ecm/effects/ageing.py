@@ -102,7 +102,7 @@ class TemperatureModulus(OfTemperature):
     """
 
     id = "temperature_modulus"
-    physics = "The modulus follows the temperature of the material, and the whole wrench with it."
+    physics = "The modulus follows the temperature of the material, and so does its wrench."
     parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
     outside = LookAlike(
         "anything that follows the temperature: a sensor that warms, a clamp that grows, moisture",
@@ -300,7 +300,7 @@ class MullinsSoftening(TimedEffect):
             return _load(rows.material_wrench, rows.base.outputs)
         away = rows.poses - rows.rest_pose
         if self.measure == "energy":
-            return np.asarray(0.5 * np.abs((away * rows.wrench).sum(axis=1)))
+            return np.asarray(0.5 * np.abs((away * rows.material_wrench).sum(axis=1)))
         bend = self.measure == "bend"
         size = np.linalg.norm(away[:, 3:], axis=1) if bend else _far(away, rows.length_m)
         return rows.loaded(size)
@@ -397,7 +397,7 @@ class PermanentSet(TimedEffect):
                 own = deflection[order]
                 past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(longest)
         else:
-            energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
+            energy = 0.5 * np.abs((deflection * rows.material_wrench).sum(axis=1))
             largest = largest_so_far(rows.table, energy, self.history, index=True)
             past = deflection[largest.astype(np.int64)]
         if self.memory == "each":

@@ -305,7 +305,7 @@ class StressRelaxation(LinearEffect):
             if self.overstress == "linear":
                 driven = mid_frame(path.poses, rows.length_m) * rest_stiffness(rows).along
             else:
-                driven = generalised(path.poses, path.wrench)
+                driven = generalised(path.poses, path.material_wrench)
             forces = [hereditary(rows.table, driven, tau, rows.quiet) for tau in taus]
             return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
         driven = path.material_wrench
@@ -374,11 +374,11 @@ def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
     known = np.nan_to_num(dwell)
     goals = rows.material_wrench[:, None]
     if is_whole(rows.base):
-        came = rows.loaded(rows.predict(rows.known_before))
-        goals = np.stack([came, rows.wrench], axis=1)
+        came = rows.loaded(rows.of_material(rows.known_before))
+        goals = np.stack([came, rows.material_wrench], axis=1)
     if frame == "middle":
         came = generalised(rows.known_before, came)
-        goals = np.stack([came, generalised(rows.poses, rows.wrench)], axis=1)
+        goals = np.stack([came, generalised(rows.poses, rows.material_wrench)], axis=1)
     moves, m = goals.shape[1:]
     integral = np.zeros((len(rows), m))
     for order in order_of_visits(table):

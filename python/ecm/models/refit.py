@@ -132,10 +132,14 @@ def refuse_worse(
     fitted = on_what_is_measured(fitted, table)
     errors, noise = errors_and_noise(fitted, table)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
-    if reasons:
-        raise ComputationError(
-            f"the fit is no model of these data: {'; '.join(reasons)}{_why(fitted)}", remedy=CHOOSE
-        )
+    if not reasons:
+        return
+    said, remedy = f"the fit is no model of these data: {'; '.join(reasons)}", CHOOSE
+    if _leaves_a_constant(fitted, table, noise):
+        said += "; most of what it leaves is one constant wrench, as of a payload or of a zero"
+        again = f"ecm fit DATA --model {fitted.base.name} --out OUT --force"
+        remedy = Remedy("save it, and let `ecm diagnose` say what adds it", again, force=True)
+    raise ComputationError(f"{said}{_why(fitted)}", remedy=remedy)
 
 
 def refuse_unless_forced(name: str, *given: Any, **known: Any) -> None:
@@ -408,6 +412,19 @@ def _worse_than_mean(
                 "mean errs once"
             )
     return reasons
+
+
+def _leaves_a_constant(fitted: Model, table: Table, sd: F) -> bool:
+    """Whether a model is no worse than the mean but for a wrench that is in all rows.
+
+    The mean of the readings takes such a wrench in; an energy that is at rest somewhere does not,
+    and a model with more freedom takes it in as stiffness, where no diagnosis finds it.
+    """
+    loaded = table.of_poses
+    left = (table.matrix(fitted.outputs) - fitted.readings(table, skip_untestable=True))[loaded]
+    own, scatter = table.matrix(fitted.outputs)[loaded].std(axis=0), left.std(axis=0)
+    steady = (np.abs(left.mean(axis=0)) > np.hypot(scatter, sd)).any()
+    return bool(steady) and not any(map(_is_worse, scatter, own, sd))
 
 
 def _is_worse(error: float, other: float, noise: float) -> bool:

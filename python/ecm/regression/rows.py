@@ -565,17 +565,26 @@ class Rows:
 
     @cached_property
     def material_wrench(self) -> F:
-        """(N, m) base wrench without what inputs of actuators push.
+        """(N, m) base wrench at the measured poses without what inputs of actuators push."""
+        return self.of_material(self.poses)
 
-        Where a base takes such inputs as columns, that is its wrench against the first pose of the
-        run at the same inputs: gas has no memory, and no modulus.
+    def of_material(self, poses: F) -> F:
+        """(N, m) base wrench at other poses of the same rows without what inputs a push.
+
+        Gas has no memory, and no modulus, and a tendon is pulled from without. An energy of s times
+        the modulus is s Pi(p, a / s), so that s scales h - G a. Where a polynomial takes the inputs
+        as columns, it is its wrench against the first pose of the run at the same inputs.
         """
+        wrench = self.predict(poses)
+        if actuators := actuators_of(self.base):
+            inputs = np.nan_to_num(self.table.matrix(actuators))
+            return np.asarray(wrench - np.einsum("nij,nj->ni", self._by_inputs(poses), inputs))
         if self.of_pose.all():
-            return self.wrench
-        start, timed = self.poses.copy(), self.table.has("time_s")
+            return wrench
+        start, timed = poses.copy(), self.table.has("time_s")
         for order in order_of_visits(self.table) if timed else [np.arange(len(self))]:
             start[np.ix_(order, self.of_pose)] = start[order[0], self.of_pose]
-        return self.wrench - self.predict(start)
+        return wrench - self.predict(start)
 
     @cached_property
     def sensor_load(self) -> F:
@@ -616,11 +625,15 @@ class Rows:
     @cached_property
     def actuation_jacobian(self) -> F:
         """(N, m, a) G = dh/da of a base that is `driven_by` a inputs, at those of each row."""
-        base: Any = self.base
-        actuators = len(actuators_of(base))
-        if not actuators:
+        if not actuators_of(self.base):
             return np.ascontiguousarray(self.stiffness[:, :, ~self.of_pose])
-        return self.where_loaded(base.actuation_jacobian, self.poses, len(base.outputs), actuators)
+        return self._by_inputs(self.poses)
+
+    def _by_inputs(self, poses: F) -> F:
+        """(N, m, a) the same at other poses of the same rows, of a base with actuators."""
+        base: Any = self.base
+        shape = len(base.outputs), len(actuators_of(base))
+        return self.where_loaded(base.actuation_jacobian, poses, *shape)
 
     @cached_property
     def free_poses(self) -> F:

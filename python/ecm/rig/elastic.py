@@ -254,8 +254,14 @@ class Elastic:
             h = h + self.smooth.predict(poses) - line
         return h
 
-    def at_points(self, points: F) -> F:
-        """h at way points (k, 6): the solver's at solved poses, the smooth map's between.
+    def pushed(self, nearest: I, poses: F) -> F:
+        """(N, 6) G a: what the inputs a of actuators push of h there. No material is in it."""
+        return wrench_change(self._slopes(nearest, poses)[:, :, 6:], poses[:, 6:])
+
+    def at_points(self, points: F, *, of_material: bool = False) -> F:
+        """h at way points (k, 6 + m): the solver's at solved poses, the smooth map's between.
+
+        Of the material it is h - G a.
 
         Raises
         ------
@@ -274,14 +280,23 @@ class Elastic:
                     "poses or more, or hide no effect that remembers its way"
                 )
             h[between] = self.smooth.predict(points[between])
+        if of_material:
+            slopes: F = self.solved.stiffness[index]
+            if between.any() and self.smooth is not None:
+                slopes[between] = self.smooth.stiffness(points[between])
+            h = h - wrench_change(slopes[:, :, 6:], points[:, 6:])
         return h
 
     def stiffness(self, nearest: I, poses: F) -> F:
         """K = dh/dp at the poses: (N, 6, 6)."""
-        stiffness: F = self.solved.stiffness[nearest][:, :, :6]
+        return self._slopes(nearest, poses)[:, :, :6]
+
+    def _slopes(self, nearest: I, poses: F) -> F:
+        """K, and G after it: (N, 6, 6 + m)."""
+        slopes: F = self.solved.stiffness[nearest]
         if self.smooth is not None:
-            stiffness = stiffness + self.smooth.stiffness(poses) - self._slope[nearest]
-        return stiffness
+            slopes = slopes + self.smooth.stiffness(poses) - self._slope[nearest]
+        return slopes
 
 
 @dataclass(frozen=True)

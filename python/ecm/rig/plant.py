@@ -216,10 +216,12 @@ class Plant:
                 body = part.body_pose(poses, at)
                 passed.append((part, poses, body))
                 poses = body
-            h = self.elastic.wrench(at.nearest, np.hstack([poses, at.inputs]))
+            there = np.hstack([poses, at.inputs])
+            pushed = self.elastic.pushed(at.nearest, there)
+            h = self.elastic.wrench(at.nearest, there)
             for variation in physics.of(BodyVariation):
                 h = h + variation.wrench(poses - solved, at)
-            h = factor[:, None] * h + memory
+            h = pushed + factor[:, None] * (h - pushed) + memory
             for part, outer, body in reversed(passed):
                 h = part.platform_wrench(h, outer, body, at)
             return h

@@ -155,12 +155,12 @@ class Relaxation(
 
     def _along_the_motion(self, at: Conditions) -> F:
         """Relaxing wrenches (N, 6) of all visits of a motion; the states go on through rests."""
-        parts = at.per_way(lambda points, wrenches: wrenches)
+        parts = at.per_way(lambda points, wrenches: wrenches, of_material=True)
         poses, wrenches, times = list[F](), list[F](), list[float]()
         restart, own = list[bool](), list[int]()
         now = zip(at.time_s.tolist(), at.travel_s.tolist(), at.dwell_s.tolist(), strict=True)
         for i, ((time, travel, dwell), h) in enumerate(
-            zip(now, at.elastic_wrenches(), strict=True)
+            zip(now, at.material_wrenches(), strict=True)
         ):
             way = at.ways[i][:, :6]
             departures = [time - travel - dwell]
@@ -202,7 +202,7 @@ class Softening(MaterialFactor, effect="mullins_softening", name="softening", un
     first_size: ClassVar[float] = 0.05
 
     def factor(self, at: Conditions) -> F:
-        work = np.sum(at.elastic_wrenches() * (at.poses - at.rest), axis=1)
+        work = np.sum(at.material_wrenches() * (at.poses - at.rest), axis=1)
         return self.factor_of(0.5 * np.abs(work))
 
     def factor_of(self, energy_J: F) -> F:

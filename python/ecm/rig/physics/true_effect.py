@@ -146,17 +146,19 @@ class Conditions:
         """Top frame of the undeformed mechanism, (6,)."""
         return np.array([self.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
 
-    def elastic_wrenches(self) -> F:
-        """Wrenches (N, 6) of the elastic mechanism at the true poses."""
+    def material_wrenches(self) -> F:
+        """Wrenches (N, 6) of the elastic material at the true poses, without what inputs push."""
         assert self.elastic is not None
-        return self.elastic.wrench(self.nearest, np.hstack([self.poses, self.inputs]))
+        at = np.hstack([self.poses, self.inputs])
+        return self.elastic.wrench(self.nearest, at) - self.elastic.pushed(self.nearest, at)
 
-    def per_way(self, wrenches: Callable[[F, F], F]) -> list[F]:
+    def per_way(self, wrenches: Callable[[F, F], F], *, of_material: bool = False) -> list[F]:
         """For each visit `wrenches` of its way points (k, 6) and of the elastic wrenches there."""
         assert self.elastic is not None
         points = np.concatenate(self.ways)
         ends = np.cumsum([len(way) for way in self.ways], dtype=np.int64)
-        return np.split(wrenches(points[:, :6], self.elastic.at_points(points)), ends[:-1])
+        there = self.elastic.at_points(points, of_material=of_material)
+        return np.split(wrenches(points[:, :6], there), ends[:-1])
 
 
 @dataclass(frozen=True)
@@ -303,10 +305,10 @@ class BodyVariation(TrueEffect):
 
 
 class MaterialFactor(TrueEffect):
-    """Stage 3: the elastic wrench is multiplied by a factor."""
+    """Stage 3: the wrench of the material is multiplied by a factor, what inputs push is not."""
 
     def factor(self, at: Conditions) -> F:
-        """Factor (N,) on the elastic wrench."""
+        """Factor (N,) on the wrench of the material."""
         raise NotImplementedError
 
 
