@@ -131,3 +131,21 @@ def test_a_folded_model_without_a_control_loop_is_refused_as_well(tmp_path: Path
     assert any(
         "No control loop" in note for note in ecm.export(model, "c", tmp_path, force=True).notes
     )
+
+
+def test_the_way_out_of_a_refused_choice_is_not_to_choose_again(tmp_path: Path) -> None:
+    """What acts beside the pose is no model of it: the command that was printed was this one."""
+    valve = np.where(np.arange(12) % 2, 5.0, -5.0)
+    x = np.random.default_rng(0).uniform(-0.01, 0.01, 12)
+    rows = np.column_stack([x, valve + 10.0 * x, valve])
+    np.savetxt(tmp_path / "d.csv", rows, delimiter=",", header="x_m,fx_N,valve", comments="")
+    way = "ecm fit d.csv --model choose --out m.json"
+    done = ended(sys.executable, "-m", *way.split(), cwd=tmp_path, code=1)
+    assert "no model of these data" in done.stderr
+    assert f"ecm diagnose can name beside this model; save it all the same:\n  {way} --force" in (
+        done.stderr
+    )
+    with pytest.raises(ComputationError, match=r'ecm.fit\(table, "choose", force=True'):
+        ecm.fit(tmp_path / "d.csv", "choose")
+    model = ecm.fit(tmp_path / "d.csv", "choose", force=True)
+    assert ecm.diagnose(model, tmp_path / "d.csv").answer == (("unused_column:valve",),)

@@ -150,3 +150,38 @@ def test_three_pressures_are_named_at_once_and_beside_one_that_the_model_has() -
     with_one = ecm.refit(model, table, add=ids[:1])
     named = ecm.diagnose(with_one, table).answer
     assert {members[0] for members in named} == set(ids[1:])
+
+
+def swelling_pad() -> ecm.Table:
+    """A pad of foam, 9 by 5 columns, pressed and tilted, that swells with the air's humidity."""
+    random, rows = np.random.default_rng(0), 45
+    z, humidity = -random.uniform(0.4e-3, 4.5e-3, rows), random.uniform(25.0, 65.0, rows)
+    tilt = random.uniform(-0.06, 0.06, (rows, 2))
+    places = np.meshgrid(np.linspace(-0.02, 0.02, 9), np.linspace(-0.03, 0.03, 5))
+    y, x = (place.ravel() for place in places)
+    strain = -(z[:, None] + tilt[:, :1] * y - tilt[:, 1:] * x) / 0.015
+    strain += 1.2e-3 * (humidity[:, None] - 45.0)
+    load, sd = -3.2 * (strain + 9.0 * strain**3), (0.04, 6e-4, 6e-4)
+    wrench = np.column_stack([load.sum(axis=1), load @ y, -load @ x])
+    names = "z_m", "theta_x_rad", "theta_y_rad", "fz_N", "tau_x_Nm", "tau_y_Nm", "humidity"
+    columns = z, *tilt.T, *(wrench + random.normal(0.0, sd, (rows, 3))).T, humidity
+    noise = {"pose_position_sd_m": 6e-6, "pose_rotation_sd_rad": 2e-4}
+    noise |= {"force_sd_N": sd[0], "torque_sd_Nm": sd[1]}
+    return ecm.as_table(dict(zip(names, columns, strict=True)), meta={"instrument": noise})
+
+
+def test_an_effect_is_added_to_the_degree_that_it_hid() -> None:
+    """The swelling hides the cubic terms: added to the quadratic it left many times the noise."""
+    table = swelling_pad()
+    model = ecm.fit(table, "quadratic")
+    found = ecm.diagnose(model, table)
+    assert found.answer == (("unused_column:humidity",),)
+    assert found.addition is not None
+    assert found.addition.remedy is not None
+    command = "ecm fit DATA --model poly:3 --add unused_column:humidity --out OUT"
+    assert found.addition.remedy.command == command
+    said = found.report().text()
+    assert "fit poly:3 with unused_column:humidity, which errs" in said
+    better = ecm.fit(table, "poly:3").add("unused_column:humidity").fit(table)
+    plain = ecm.refit(model, table, add="unused_column:humidity")
+    assert better.training["over_noise"] < 0.3 * plain.training["over_noise"]

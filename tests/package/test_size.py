@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_521, 204),
+    "python/ecm": (43_607, 204),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (34_659, 238),
-    "crates": (34_417, 198),
+    "tests": (34_797, 238),
+    "crates": (34_513, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-relaxation and friction that step along any columns in C and Rust (225 lines of crates, 281 of
-tests), a base of one degree less (25), an energy whose pose noise runs away and words that agree on
-three own rigs (60); a test of each."""
+softening by any load and with any width in exported C and Rust (96 lines of crates, 25 of Python),
+what inputs push apart from the material (33), an effect added to the degree that it hid and ways
+out that go on (28); a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)

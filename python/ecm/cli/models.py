@@ -348,7 +348,7 @@ def fit(
         with session.working("errors of the model"), saved_by_force(out):
             held_out = (summary["held_out"] or {}).get("folds") if before is None else None
             rows = table if before is not None else table.measured()
-            refuse_worse(fitted, rows, before=before, held_out=held_out)
+            refuse_worse(fitted, rows, before=before, held_out=held_out, chosen=choice is not None)
     fitted.save(out)
     if session.report is not None:
         session.write_report(fitted.report(table.measured()))

@@ -88,7 +88,7 @@ from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.refit import FAR_BEYOND_NOISE, addition_to
+from ecm.models.refit import FAR_BEYOND_NOISE, addition_to, is_far_behind
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
@@ -167,6 +167,25 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
             if error < least and (decision.answer or _lower_bic(problem, richer, error)):
                 best, least = richer, error
     return best
+
+
+def _far_better_degree(decision: Decision, given: StiffnessMap) -> str:
+    """Return the name of the base where beside the names it leaves far less than the given one.
+
+    A model of a lower degree may be chosen while an effect hides the higher terms; with the effect
+    added it would lack these, which few rows do not show as structure. Empty for another kind of
+    map: whose symmetry or body holds is told before.
+    """
+    problem, own = decision.problem, whole_map(given)
+    base, effects = whole_map(problem.base), decision.accepted.effects
+    free = isinstance(own, PolynomialMap | EnergyMap) and type(own) is type(base)
+    if not free or (given.inputs, given.outputs) != (problem.base.inputs, problem.base.outputs):
+        return ""
+    with suppress(ModelError, InputError):  # base and effects run away from the rows
+        least = _error_of(problem, problem.base, effects)
+        if is_far_behind(_error_of(problem, given, effects), least):
+            return base.name
+    return ""
 
 
 def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
@@ -426,11 +445,12 @@ def diagnose(
             stages=stages,
         )
         found = report(decision, model, seed, noise=noise)
-        del decision  # its rows, whitened, are most of the memory
+        named = [item.effect for item in found.effects]
         if found.verdict not in ("named", "ambiguous"):
             return found
-        named = [item.effect for item in found.effects]
-        return replace(found, addition=addition_to(model, table, named))
+        richer = _far_better_degree(decision, model.base)
+        del decision  # its rows, whitened, are most of the memory
+        return replace(found, addition=addition_to(model, table, named, richer))
 
 
 @one_blas_thread()

@@ -98,7 +98,8 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
-    if isinstance(model, str) and model == "choose":
+    chosen = isinstance(model, str) and model == "choose"
+    if chosen:
         model = choose_model(table, progress=progress).best
     specification = _specification(model, parameters)
     if weights != "auto" and not specification.weighted:
@@ -129,7 +130,7 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     fitted = replace(fitted, training={**fitted.training, **known})
     if not force:
         held_out = quick_shares(table, specification, fitted.base)
-        refuse_unless_forced("fit", fitted, table.measured(), held_out=held_out)
+        refuse_unless_forced("fit", fitted, table.measured(), held_out=held_out, chosen=chosen)
     return fitted
 
 

@@ -94,6 +94,7 @@ def refuse_worse(
     *,
     before: Model | None = None,
     held_out: Mapping[str, float] | None = None,
+    chosen: bool = False,
 ) -> None:
     """Refuse a fitted model that is worse on a table than another, or than the mean.
 
@@ -107,6 +108,9 @@ def refuse_worse(
         The model before, for example without the effect that was added.
     held_out
         Held-out error of each component over its spread; 1 is the mean of the readings.
+    chosen
+        Whether held-out rows chose it: then no other model is a way out. It may lack an effect,
+        such as a weight, which no function of the pose holds and the diagnosis names.
 
     Raises
     ------
@@ -135,10 +139,18 @@ def refuse_worse(
     if not reasons:
         return
     said, remedy = f"the fit is no model of these data: {'; '.join(reasons)}", CHOOSE
-    if _leaves_a_constant(fitted, table, noise):
+    steady = _leaves_a_constant(fitted, table, noise)
+    if steady:
         said += "; most of what it leaves is one constant wrench, as of a payload or of a zero"
-        again = f"ecm fit DATA --model {fitted.base.name} --out OUT --force"
-        remedy = Remedy("save it, and let `ecm diagnose` say what adds it", again, force=True)
+    if steady or chosen:
+        name = "choose" if chosen else fitted.base.name
+        again = f"ecm fit DATA --model {name} --out OUT --force"
+        remedy = Remedy(
+            "an effect may be missing, which ecm diagnose can name beside this model; save it all "
+            "the same",
+            again,
+            force=True,
+        )
     raise ComputationError(f"{said}{_why(fitted)}", remedy=remedy)
 
 
@@ -569,7 +581,7 @@ class Addition:
     refused: str
     """Why `ecm refit` would refuse; empty where it adds them."""
     remedy: Remedy | None
-    """The command that adds them: to this model, else to one that holds them."""
+    """The command that adds them: to this model, else to one that holds them, or errs far less."""
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""
@@ -581,10 +593,24 @@ class Addition:
         }
 
 
-def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Addition | None:
-    """Add effects to a model as `ecm refit` does; None where it has them all already."""
-    present = {item.id for item in model.effects}
-    new = [effect for effect in effects if effect.id not in present]
+def addition_to(
+    model: Model, table: Table, effects: Sequence[Effect], richer: str = ""
+) -> Addition | None:
+    """Add effects to a model as `ecm refit` does; None where it has them all already.
+
+    Parameters
+    ----------
+    model
+        The model that was given.
+    table
+        Rows that it is fitted to.
+    effects
+        Those that are named.
+    richer
+        A base that leaves far less beside them: the way, where it errs less on held-out rows too.
+    """
+    present = [item.effect for item in model.effects]
+    new = [effect for effect in effects if effect.id not in [own.id for own in present]]
     if not new:
         return None
     ids = tuple(effect.id for effect in new)
@@ -599,6 +625,8 @@ def addition_to(model: Model, table: Table, effects: Sequence[Effect]) -> Additi
     known = not found.noise.is_residual
     options = " ".join(f"--add {id}" for id in ids)
     command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
+    if richer:
+        command = remedy_with_base(richer, [*present, *new], table, after) or command
     return Addition(ids, before if known else None, after if known else None, "", command)
 
 

@@ -449,7 +449,7 @@ def _softening(
             return "its loss counts from a median that is not in the file; ecm refit writes it"
         width *= float(middle)
     if "permanent_set" in (item.id for item in model.effects) and any(map(any, weights)):
-        return "permanent_set remembers the largest work, this another load: files hold one of them"
+        return "permanent_set remembers another load, and files hold one of them"
     found.document["softening"] = float(values[0])
     found.document["softening_width"] = width
     found.document["softening_hyperbolic"] = effect.is_hyperbolic
