@@ -294,6 +294,26 @@ def test_one_strong_term_of_a_higher_degree_is_no_kink_beside_an_effect(seed: in
     assert find_missing(fit_model(table, "linear"), table).answer == (("temperature_modulus",),)
 
 
+def test_a_degree_of_nearly_as_many_coefficients_as_readings_hides_nothing() -> None:
+    """A pad of foam that is pressed flat at some places: a quartic has 105 for 135 readings."""
+    random = np.random.default_rng(1)
+    z, tilt = -random.uniform(0.4e-3, 4.5e-3, 45), random.uniform(-0.06, 0.06, (45, 2))
+    places = np.meshgrid(np.linspace(-0.02, 0.02, 16), np.linspace(-0.03, 0.03, 24))
+    y, x = (place.ravel() for place in places)
+    strain = -(z[:, None] + tilt[:, :1] * y - tilt[:, 1:] * x) / 0.015
+    load = -0.375 * (strain + 9.0 * strain**3 + 50.0 * np.maximum(strain - 0.3, 0.0))
+    read = np.column_stack([load.sum(axis=1), load @ y, -load @ x])
+    read += random.normal(0.0, (0.04, 6e-4, 6e-4), (45, 3))
+    names = "z_m", "theta_x_rad", "theta_y_rad", "fz_N", "tau_x_Nm", "tau_y_Nm"
+    noise = {"pose_position_sd_m": 6e-6, "pose_rotation_sd_rad": 2e-4}
+    noise |= {"force_sd_N": 0.04, "torque_sd_Nm": 6e-4}
+    columns = dict(zip(names, np.column_stack([z, tilt, read]).T, strict=True))
+    table = as_table(columns, meta={"instrument": noise})
+    found = find_missing(fit_model(table, "cubic", force=True), table)
+    assert found.verdict == "unknown"
+    assert found.problem.base.name == "poly:3"
+
+
 def test_a_name_that_is_less_likely_than_not_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     table = campaign("payload", 1.0, 4)
     assert find_missing(model(), table).answer == (("payload",),)
