@@ -136,6 +136,22 @@ class Code:
         return np.stack(columns, axis=1)
 
 
+def steps_as_predicted(model: Model, time: F, poses: F, folder: Path) -> None:
+    """Exported C gives the predictions along a motion, k by differences, and no small effect."""
+    code, said = Code(model, folder), []
+    code.init(poses[0])
+    for row, (pose, dt) in enumerate(zip(poses, np.diff(time, prepend=time[0]), strict=True)):
+        slope = code.slope(pose, float(dt)) if row % 100 == 50 else None
+        h, k = code.step(pose, float(dt))
+        said.append(h)
+        if slope is not None:
+            np.testing.assert_allclose(k, slope, rtol=1e-5, atol=1e-5 * np.abs(k).max())
+    predicted = model.predict(table_of(model, time, poses))
+    scale = np.abs(predicted).max(axis=0)
+    np.testing.assert_allclose(said / scale, predicted / scale, rtol=0.0, atol=1e-12)
+    assert (np.abs(said - model.base.predict(poses)).max(axis=0) > 0.03 * scale).all()
+
+
 @pytest.mark.parametrize("overstress", ["linear", "elastic"])
 @pytest.mark.parametrize(
     ("columns", "pairs"),
@@ -149,21 +165,8 @@ class Code:
 def test_columns_step_in_c_as_python_predicts(
     columns: tuple[tuple[str, ...], tuple[str, ...]], pairs: str, overstress: str, tmp_path: Path
 ) -> None:
-    static = cubic(*columns)
-    model = with_memory(static, overstress, pairs)
-    time, poses = motion(columns[0], 3000, 1)
-    code, said = Code(model, tmp_path), []
-    code.init(poses[0])
-    for row, (pose, dt) in enumerate(zip(poses, np.diff(time, prepend=time[0]), strict=True)):
-        slope = code.slope(pose, float(dt)) if row % 100 == 50 else None
-        h, k = code.step(pose, float(dt))
-        said.append(h)
-        if slope is not None:
-            np.testing.assert_allclose(k, slope, rtol=1e-5, atol=1e-5 * np.abs(k).max())
-    predicted = model.predict(table_of(model, time, poses))
-    scale = np.abs(predicted).max(axis=0)
-    np.testing.assert_allclose(said / scale, predicted / scale, rtol=0.0, atol=1e-12)
-    assert (np.abs(said - static.base.predict(poses)).max(axis=0) > 0.03 * scale).all()
+    model = with_memory(cubic(*columns), overstress, pairs)
+    steps_as_predicted(model, *motion(columns[0], 3000, 1), tmp_path)
 
 
 @pytest.mark.parametrize("width", [0.0, 8.0])
@@ -172,22 +175,9 @@ def test_wear_by_force_or_moment_steps_in_c_as_python_predicts(
     outputs: tuple[str, ...], width: float, tmp_path: Path
 ) -> None:
     width *= 0.05 if outputs[0] == "tau_x_Nm" else 1.0
-    static = cubic(PLANAR[0], outputs)
-    model = with_effects(static, (MullinsSoftening(load_width=width), [0.3]))
+    model = with_effects(cubic(PLANAR[0], outputs), (MullinsSoftening(load_width=width), [0.3]))
     time, poses = motion(PLANAR[0], 1000, 3)
-    poses *= np.linspace(0.4, 1.0, 1000)[:, None]
-    code, said = Code(model, tmp_path), []
-    code.init(poses[0])
-    for row, (pose, dt) in enumerate(zip(poses, np.diff(time, prepend=time[0]), strict=True)):
-        slope = code.slope(pose, float(dt)) if row % 100 == 50 else None
-        h, k = code.step(pose, float(dt))
-        said.append(h)
-        if slope is not None:
-            np.testing.assert_allclose(k, slope, rtol=1e-5, atol=1e-5 * np.abs(k).max())
-    predicted = model.predict(table_of(model, time, poses))
-    scale = np.abs(predicted).max(axis=0)
-    np.testing.assert_allclose(said / scale, predicted / scale, rtol=0.0, atol=1e-12)
-    assert (np.abs(said - static.base.predict(poses)).max(axis=0) > 0.03 * scale).all()
+    steps_as_predicted(model, time, poses * np.linspace(0.4, 1.0, 1000)[:, None], tmp_path)
 
 
 @pytest.mark.parametrize("overstress", ["linear", "elastic"])

@@ -567,10 +567,10 @@ def _against_the_bases(
         richer = richer_polynomial(decision)
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
-            # Without a name it must leave nothing: beside it other effects imitate the rest. With
-            # nearly as many coefficients as readings it errs where no row was: then, too.
-            unseen = [held_out_rms(d.problem, d.accepted.effects) for d in (again, decision)]
-            is_wild = is_far_behind(*unseen) and weighed(again) > FAR_BEYOND_NOISE
+            # Of nearly as many coefficients as readings: it leaves much, and more where no row was.
+            unseen = (held_out_rms(d.problem, d.accepted.effects) for d in (again, decision))
+            is_wild = weighed(again) > FAR_BEYOND_NOISE and is_far_behind(*unseen)
+            # Without a name it must leave nothing: beside it other effects imitate the rest.
             if (decision.answer or again.verdict == "none") and not is_wild:
                 decision = min(decision, again, key=weighed)
     if decision.statement is not None:

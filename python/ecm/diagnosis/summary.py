@@ -292,7 +292,7 @@ def _add(document: Mapping[str, Any]) -> str:
         command = _command(addition["remedy"]) or _NOTHING
         if addition["refused"]:
             return f"{command}   (not to this model: the details say why)"
-        said = [addition["remedy"]["words"]] if _of_another_base(addition) else []
+        said = [addition["remedy"]["words"]] if addition["base"] else []
         said += [f"this model {brings}"] if (brings := _fall_of_model(document)) else []
         return f"{command}   ({'; '.join(said)})" if said else command
     if document["verdict"] in ("named", "ambiguous") and not first:
@@ -302,11 +302,6 @@ def _add(document: Mapping[str, Any]) -> str:
     if (document["unknown"] or {}).get("skeleton"):
         return "an effect of your own: the details have a draft of it"
     return _NOTHING
-
-
-def _of_another_base(addition: Mapping[str, Any]) -> bool:
-    """Whether the command fits another base with the effects."""
-    return str((addition["remedy"] or {}).get("command", "")).startswith("ecm fit")
 
 
 def _fall_of_model(document: Mapping[str, Any]) -> str:
@@ -486,8 +481,7 @@ def _addition(document: Mapping[str, Any]) -> list[Block]:
     if addition["remedy"] is None:
         return [TextBlock(f"{text.rstrip('.')}.")]
     remedy = Remedy(**addition["remedy"])
-    said = bool(addition["refused"]) or _of_another_base(addition)
-    words = f" {Remedy(remedy.words)}" if said else ""
+    words = f" {Remedy(remedy.words)}" if addition["refused"] or addition["base"] else ""
     return [CodeBlock(f"{text.rstrip('.')}.{words}", remedy.shown)]
 
 

@@ -46,8 +46,13 @@ def _needs_unloading(table: Table) -> Missing | None:
 
 def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
     """(N,) size of the force; of the moment where no force is known."""
-    force = [j for j, name in enumerate(outputs) if name in WRENCH[:3]]
-    return np.asarray(np.linalg.norm(wrenches[:, force or range(len(outputs))], axis=1))
+    counts = [outputs.index(name) for name in _of_load(outputs)]
+    return np.asarray(np.linalg.norm(wrenches[:, counts], axis=1))
+
+
+def _of_load(outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns of force; those of the moment where there are none."""
+    return tuple(name for name in outputs if name in WRENCH[:3]) or outputs
 
 
 def settling_times(table: Table) -> tuple[float, ...]:
@@ -301,15 +306,14 @@ class MullinsSoftening(TimedEffect):
         away = rows.poses - rows.rest_pose
         if self.measure == "energy":
             return np.asarray(0.5 * np.abs((away * rows.material_wrench).sum(axis=1)))
-        bend = self.measure == "bend"
-        size = np.linalg.norm(away[:, 3:], axis=1) if bend else _far(away, rows.length_m)
-        return rows.loaded(size)
+        of_pose, _ = self.weights(rows.base.outputs, rows.length_m)
+        return rows.loaded(np.linalg.norm(away * of_pose, axis=1))
 
     def weights(self, outputs: tuple[str, ...], length_m: float | None) -> list[list[float]]:
         """(2, 6) a and b of the load W, W^2 = |a (p - p0)|^2 + |b h|^2; zeros: it is the energy."""
         if self.load_width is not None:
-            forces = [name for name in outputs if name in WRENCH[:3]] or outputs
-            return [[0.0] * 6, [float(name in forces) for name in WRENCH]]
+            counts = _of_load(outputs)
+            return [[0.0] * 6, [float(name in counts) for name in WRENCH]]
         places = {"energy": 0.0, "bend": 0.0, "reach": 1.0}[self.measure]
         turns = {"energy": 0.0, "bend": 1.0, "reach": length_m or 1.0}[self.measure]
         return [[places] * 3 + [turns] * 3, [0.0] * 6]

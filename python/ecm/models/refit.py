@@ -582,6 +582,8 @@ class Addition:
     """Why `ecm refit` would refuse; empty where it adds them."""
     remedy: Remedy | None
     """The command that adds them: to this model, else to one that holds them, or errs far less."""
+    base: str | None = None
+    """The base of the command where it is another one because that errs far less."""
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""
@@ -590,6 +592,7 @@ class Addition:
             "held_out": {"before": self.before, "after": self.after},
             "refused": self.refused,
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
+            "base": self.base,
         }
 
 
@@ -625,9 +628,15 @@ def addition_to(
     known = not found.noise.is_residual
     options = " ".join(f"--add {id}" for id in ids)
     command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
-    if richer:
-        command = remedy_with_base(richer, [*present, *new], table, after) or command
-    return Addition(ids, before if known else None, after if known else None, "", command)
+    better = remedy_with_base(richer, [*present, *new], table, after) if richer else None
+    return Addition(
+        ids,
+        before if known else None,
+        after if known else None,
+        refused="",
+        remedy=better or command,
+        base=richer if better else None,
+    )
 
 
 def refit_summary(model: Model) -> dict[str, Any]:

@@ -566,25 +566,28 @@ class Rows:
     @cached_property
     def material_wrench(self) -> F:
         """(N, m) base wrench at the measured poses without what inputs of actuators push."""
-        return self.of_material(self.poses)
+        return self.wrench - self._pushed(self.poses)
 
     def of_material(self, poses: F) -> F:
-        """(N, m) base wrench at other poses of the same rows without what inputs a push.
+        """(N, m) the same at other poses of the same rows."""
+        return self.predict(poses) - self._pushed(poses)
+
+    def _pushed(self, poses: F) -> F:
+        """(N, m) what inputs a push at poses; zeros of a base without inputs.
 
         Gas has no memory, and no modulus, and a tendon is pulled from without. An energy of s times
-        the modulus is s Pi(p, a / s), so that s scales h - G a. Where a polynomial takes the inputs
-        as columns, it is its wrench against the first pose of the run at the same inputs.
+        the modulus is s Pi(p, a / s), so that s scales h - G a. A polynomial that takes the inputs
+        as columns pushes as at the first pose of the run at the same inputs.
         """
-        wrench = self.predict(poses)
         if actuators := actuators_of(self.base):
             inputs = np.nan_to_num(self.table.matrix(actuators))
-            return np.asarray(wrench - np.einsum("nij,nj->ni", self._by_inputs(poses), inputs))
+            return np.asarray(np.einsum("nij,nj->ni", self._by_inputs(poses), inputs))
         if self.of_pose.all():
-            return wrench
+            return np.zeros((len(self), len(self.base.outputs)))
         start, timed = poses.copy(), self.table.has("time_s")
         for order in order_of_visits(self.table) if timed else [np.arange(len(self))]:
             start[np.ix_(order, self.of_pose)] = start[order[0], self.of_pose]
-        return wrench - self.predict(start)
+        return self.predict(start)
 
     @cached_property
     def sensor_load(self) -> F:
@@ -630,7 +633,7 @@ class Rows:
         return self._by_inputs(self.poses)
 
     def _by_inputs(self, poses: F) -> F:
-        """(N, m, a) the same at other poses of the same rows, of a base with actuators."""
+        """(N, m, a) the same at poses, of a base with actuators."""
         base: Any = self.base
         shape = len(base.outputs), len(actuators_of(base))
         return self.where_loaded(base.actuation_jacobian, poses, *shape)

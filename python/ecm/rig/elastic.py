@@ -256,6 +256,8 @@ class Elastic:
 
     def pushed(self, nearest: I, poses: F) -> F:
         """(N, 6) G a: what the inputs a of actuators push of h there. No material is in it."""
+        if poses.shape[1] == 6:
+            return np.zeros(poses.shape)
         return wrench_change(self._slopes(nearest, poses)[:, :, 6:], poses[:, 6:])
 
     def at_points(self, points: F, *, of_material: bool = False) -> F:
@@ -280,7 +282,7 @@ class Elastic:
                     "poses or more, or hide no effect that remembers its way"
                 )
             h[between] = self.smooth.predict(points[between])
-        if of_material:
+        if of_material and points.shape[1] > 6:
             slopes: F = self.solved.stiffness[index]
             if between.any() and self.smooth is not None:
                 slopes[between] = self.smooth.stiffness(points[between])

@@ -80,17 +80,29 @@ static int32_t find_here(const real *p, here_t *here)
 /* K of a pose that is below the largest load: k += factor h dW/dp */
 static void soften(const real *p, const here_t *here, real factor, real *k)
 {
-    real h[@M@], slope[@NM@];
+    real h[@M@], slope[@NM@], by_pose[@N@], by_wrench[@M@];
     const real size = BY_WORK ? R(2) * here->sign : here->load;
+    if (!(size * size > R(0))) {
+        return;
+    }
     @NAME@_value_and_stiffness(p, h, slope);
     for (int32_t j = 0; j < @N@; j++) {
-        const real a = load_of_pose[j];
-        real along = j < PAIRS && BY_WORK ? h[j] : a * a * here->away[j];
+        by_pose[j] = load_of_pose[j] * load_of_pose[j] * here->away[j];
+    }
+    for (int32_t i = 0; i < @M@; i++) {
+        by_wrench[i] = load_of_wrench[i] * load_of_wrench[i] * h[i];
+    }
+    /* Of work these are zero. */
+    for (int32_t i = 0; i < PAIRS && BY_WORK; i++) {
+        by_pose[i] = h[i];
+        by_wrench[i] = here->away[i];
+    }
+    for (int32_t j = 0; j < @N@; j++) {
+        real along = by_pose[j];
         for (int32_t i = 0; i < @M@; i++) {
-            const real b = load_of_wrench[i];
-            along += slope[@N@ * i + j] * (!BY_WORK ? b * b * h[i] : i < PAIRS ? here->away[i] : R(0));
+            along += slope[@N@ * i + j] * by_wrench[i];
         }
-        for (int32_t i = 0; i < @M@ && size * size > R(0); i++) {
+        for (int32_t i = 0; i < @M@; i++) {
             k[@N@ * i + j] += factor * h[i] * along / size;
         }
     }
