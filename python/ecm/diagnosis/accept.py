@@ -1,13 +1,14 @@
 """Stage accept: classes of effects that cannot be told apart, and the checks that each must pass.
 
 A share near 0.8 is known to 0.05 from 60 draws and to 0.013 from 1000. Where one effect wins nearly
-all of the first 400, no threshold is near and they suffice. A draw needs only the normal equations
-of base and chosen effects with every column, and those of each candidate by itself, so that many
-draws are solved at once.
+all of the first 400, no threshold is near and they suffice; what wins none of the first 200 does
+not take part in more. A draw needs only the normal equations of base and chosen effects with every
+column, and those of each candidate by itself, so that many draws are solved at once.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -72,6 +73,9 @@ RIVAL_BOOTSTRAPS = 0.1
 _CONTENDER_SHARE = 0.3
 """A shape that explains less than this share of the chosen one wins no bootstrap."""
 _RIDGED = 1.0 + RIDGE
+_RACE_DRAWS = 200
+"""After so many draws a shape that won none is out: one with a share of 0.1, which makes a rival a
+member of the class, wins none of them with a chance of 1e-9."""
 _DRAWS, _FIRST_DRAWS, _AT_ONCE = 1000, 400, 25
 _CLEAR = 0.99
 """Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
@@ -366,23 +370,30 @@ def selection_shares(
     contenders
         Shapes that may win.
     draws
-        Most draws. After 400 no more are made where one effect has won 99 % of them.
+        Most draws. After 200 shapes that won none are out, and after 400 no more draws are made
+        where one effect has won 99 % of them.
     """
     if not contenders:
         return {}
-    falls_of = _falls_of_draws(problem, problem.columns_of(others), contenders)
-    won = {c.id: 0 for c in contenders}
+    fixed = problem.columns_of(others)
+    won = np.zeros(len(contenders), dtype=np.int64)
+    racing = np.arange(len(contenders))
     drawn = _drawn(len(problem.normal.squares), draws, seed)
+    race, rest = _RACE_DRAWS // _AT_ONCE, (_FIRST_DRAWS - _RACE_DRAWS) // _AT_ONCE
     made = 0
-    for part in (islice(drawn, _FIRST_DRAWS // _AT_ONCE), drawn):
+    for part in (islice(drawn, race), islice(drawn, rest), drawn):
+        falls_of = _falls_of_draws(problem, fixed, [contenders[i] for i in racing.tolist()])
         for falls in in_threads(falls_of, part):
             made += len(falls)
-            best = falls.argmax(axis=1)
-            for i in best[falls.max(axis=1) > 0.0].tolist():
-                won[contenders[i].id] += 1
-        if max(won.values()) >= _CLEAR * made:
+            best = racing[falls.argmax(axis=1)[falls.max(axis=1) > 0.0]]
+            won += np.bincount(best, minlength=len(won))
+        racing = np.flatnonzero(won)
+        wins: Counter[str] = Counter()
+        for contender, count in zip(contenders, won.tolist(), strict=True):
+            wins[contender.id] += count
+        if len(racing) == 0 or (made >= _FIRST_DRAWS and max(wins.values()) >= _CLEAR * made):
             break
-    return {id: count / made for id, count in won.items() if count}
+    return {id: count / made for id, count in wins.items() if count}
 
 
 def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
