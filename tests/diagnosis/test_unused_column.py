@@ -10,9 +10,12 @@ import pytest
 import ecm
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effect, effects_of, unregister, with_shape
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
+from ecm.models.export.files import export_files
 from support.models import spring_body
+from support.neck import Command
 
 LENGTH_M = 0.1
 META = {
@@ -68,6 +71,36 @@ def test_an_own_column_of_six_by_six_is_named_with_how_it_acts(acts: str, tmp_pa
     loaded = load_model(tmp_path / "model.json")
     np.testing.assert_array_equal(loaded.predict(table), better.predict(table))
     assert ecm.compare(loaded, table).whitened_rms < 1.05
+    fixed = loaded.at({"valve": 2.5})
+    there = table.with_columns({"valve": np.full(len(table), 2.5)})
+    np.testing.assert_allclose(fixed.predict(table.poses), better.predict(there), atol=1e-9)
+    exported = export_files(fixed, "c")
+    assert "unused_column:valve at valve = 2.5" in exported.notes[0]
+    assert not exported.lost
+    assert exported.folding < 0.3
+
+
+def test_an_export_at_one_value_of_a_column_is_the_way_out(
+    tmp_path: Path, ecm_command: Command
+) -> None:
+    table, model, out = six_by_six("scales"), tmp_path / "valve.json", tmp_path / "code"
+    better = ecm.refit(ecm.fit(table, "energy4"), table, add=["unused_column:valve"])
+    better.save(model)
+    refused = ecm_command("export", model, "--to", "opensim", "--out", out).refused()
+    command = refused.err.strip().splitlines()[-1].split()
+    low, high = better.conditions["valve"]
+    assert command[:2] == ["ecm", "export"]
+    assert command[-2:] == ["--at", f"valve={0.5 * (low + high):.6g}"]
+    assert "unused_column:valve at valve" in ecm_command(*command[1:]).good().out
+    for words, told in (
+        ("valve=99", f"measured from {low:.6g} to"),
+        ("idle=1", "columns that are followed so: valve"),
+        ("valve", "expected COLUMN=VALUE"),
+    ):
+        again = ecm_command("export", model, "--to", "c", "--out", out, "--at", words)
+        assert told in again.refused().err
+    with pytest.raises(InputError, match="save the model that it was made of"):
+        better.at({"valve": 2.0}).save(model)
 
 
 def test_where_no_own_column_acts_none_is_named() -> None:

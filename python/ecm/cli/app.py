@@ -50,7 +50,7 @@ COMMANDS = {
     "export": Command(
         line="A model as C or Rust for a controller.",
         work="models.export", of="models.export.files.export", passed="name precision force",
-        common="tables report", hide="meta skip_bad_rows",
+        common="tables report", hide="meta skip_bad_rows dt",
     ),
     "app": Command(
         line="The whole loop in a browser.",

@@ -195,6 +195,7 @@ def export(
     dt: float = 0.001,
     adapt: str | None = None,
     data: Sequence[Path] = (),
+    at: str | None = None,
     **options: Any,
 ) -> None:
     """Write a model for a controller or simulator (docs/export.md).
@@ -221,6 +222,8 @@ def export(
         Follow readings: modulus,payload,zero,shares.
     data : TABLE
         Judge at the poses of these rows.
+    at : LIST
+        Fixed columns that effects follow: humidity=45.
     force
         Also where it changes the model beyond the noise.
     """
@@ -230,6 +233,7 @@ def export(
         opened = open_model(model, session)
         if rows is not None:
             opened = opened.measured_at(rows)
+        opened = opened.at(_fixed_columns(at)) if at else opened
         try:
             exported = export_model(
                 opened,
@@ -255,6 +259,18 @@ def export(
     session.print(*exported.notes)
     session.print(f"{out}: {len(exported.files)} files, {to}")
     session.print(f"Next: {next_step}")
+
+
+def _fixed_columns(words: str) -> dict[str, float]:
+    """The values of `--at humidity=45,load=2`."""
+    values: dict[str, float] = {}
+    for word in words.split(","):
+        name, _, value = word.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"--at {words}: expected COLUMN=VALUE, or several by commas") from None
+    return values
 
 
 def _training_table(model: Model, file: str) -> dict[str, str]:

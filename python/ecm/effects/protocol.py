@@ -18,8 +18,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ecm.errors import InputError
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH, actuation_columns
+from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.regression.rows import BodyChange, Rows, UnknownLength
 
@@ -335,6 +337,60 @@ class LinearEffect(Effect):
     def jacobian(self, rows: Rows, values: F) -> F:
         """The columns, whatever the values."""
         return self.columns(rows)
+
+
+class AtColumns(Effect):
+    """An effect at fixed values of the columns that it follows: then one of the pose alone.
+
+    Parameters
+    ----------
+    effect
+        An effect that `follows` these columns and nothing else beside pose and wrench.
+    columns
+        Their values by name.
+    """
+
+    def __init__(self, effect: Effect, columns: Mapping[str, float]) -> None:
+        self.effect = effect
+        # A lag needs the time, and what does not change has no lag.
+        self.columns = {"time_s": 0.0, **columns}
+        self.id, self.parameters, self.side = effect.id, effect.parameters, effect.side
+        self.of_six = effect.of_six
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in columns.items())
+        self.physics = f"{effect.id} at {values}"
+
+    @property
+    def shape(self) -> Shape:
+        """It has none: a file holds the effect that follows its columns."""
+        raise InputError(
+            f"{self.physics}: a model at fixed values predicts and is exported; save the model "
+            "that it was made of"
+        )
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """(N, m) correction of the effect with these columns."""
+        fixed = {name: np.full(len(rows), value) for name, value in self.columns.items()}
+        return self.effect.correction(replace(rows, table=rows.table.with_columns(fixed)), values)
+
+
+def followed(effect: Effect, length_m: float | None = None) -> str:
+    """Return the column that an effect follows beside pose and wrench; empty where not just one.
+
+    Examples
+    --------
+    >>> from ecm.effects import get_effect
+    >>> followed(get_effect("temperature_modulus")), followed(get_effect("hysteresis"))
+    ('temperature_degC', '')
+    """
+    ramp = np.linspace(0.0, 1.0, _ROWS)
+    known = {} if length_m is None else {"length_m": length_m}
+    names = dict.fromkeys((*POSE, *WRENCH), ramp)
+    table = Table({**names, "time_s": 0.0 * ramp}, Meta(mechanism=known), "columns")
+    lacking = effect.missing(table)
+    if lacking is None or not lacking.absent:
+        return ""
+    there = effect.missing(table.with_columns({lacking.record: ramp})) is None
+    return lacking.record if there else ""
 
 
 class TimedEffect(LinearEffect):

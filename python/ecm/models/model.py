@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ecm.effects import Effect, effects_for, get_effect
-from ecm.effects.protocol import missing_beside_columns
+from ecm.effects.protocol import AtColumns, followed, missing_beside_columns
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
@@ -245,6 +245,60 @@ class Model(Shown, EvaluatedModel):
         """
         poses = sample_of(table, taken_by(self.base))
         return replace(self, training={**self.training, "poses": poses})
+
+    def at(self, columns: Mapping[str, float]) -> Model:
+        """The model at fixed values of recorded columns that its effects follow.
+
+        These effects then act at every pose: they are in `predict` and `stiffness` of poses alone,
+        and go into an export as a part of its map. Such a model is not saved.
+
+        Parameters
+        ----------
+        columns
+            Values by the names of the columns, such as a humidity, in their units.
+
+        Raises
+        ------
+        InputError
+            A column that no effect follows, or a value beyond those that were measured.
+
+        Examples
+        --------
+        >>> import numpy as np, ecm
+        >>> y, degc = np.linspace(-0.01, 0.01, 40), 20.0 + np.arange(40) % 7
+        >>> h = 3000.0 * y * (1.0 - 0.01 * (degc - 20.0))
+        >>> table = ecm.as_table({"y_m": y, "fy_N": h, "temperature_degC": degc})
+        >>> model = ecm.fit(table, "linear").add("temperature_modulus").fit(table)
+        >>> model.at({"temperature_degC": 25.0}).stiffness(np.array([0.001])).round(1)
+        array([[2850.]])
+        """
+        changed = self
+        for name, value in columns.items():
+            changed = changed._at_one(name, float(value))
+        return changed
+
+    def _at_one(self, name: str, value: float) -> Model:
+        """The model at a fixed value of one column."""
+        length = self.known_length_m
+        known = {item.id: followed(item.effect, length) for item in self.effects}
+        if name not in known.values():
+            listed = ", ".join(sorted({*known.values()} - {""})) or "none"
+            raise InputError(
+                f"{name}: no effect of {self.name} follows it and nothing else; columns that are "
+                f"followed so: {listed}"
+            )
+        low, high = self.conditions.get(name, (-np.inf, np.inf))
+        if not low <= value <= high:
+            raise InputError(
+                f"{name} = {value:.6g}: the model was measured from {low:.6g} to {high:.6g}"
+            )
+        effects = tuple(
+            replace(item, effect=AtColumns(item.effect, {name: value}))
+            if known[item.id] == name
+            else item
+            for item in self.effects
+        )
+        return self._changed(effects=effects)
 
     def add(self, *effects: str | Effect) -> Model:
         """The model with these effects, given by id or as such; they are zero until `fit`."""

@@ -159,10 +159,11 @@ def fitted_to(table: Table, inputs: Sequence[str]) -> dict[str, Any]:
     """Fields of a model that say what it was fitted to: where it holds, and under which scene.
 
     `domain` and `conditions` are ranges over the measured rows: of the pose columns, and of
-    temperature and time where the table has them.
+    temperature, time and columns of one's own where the table has them.
     """
     measured = table.measured()
-    there = {name: measured.column(name) for name in CONDITIONS if measured.has(name)}
+    names = dict.fromkeys((*CONDITIONS, *measured.covariates))
+    there = {name: measured.column(name) for name in names if measured.has(name)}
     known = {name: values[np.isfinite(values)] for name, values in there.items()}
     return {
         "training": training_of(table),

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from ecm.effects.protocol import AtColumns, followed
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments, path_of
 from ecm.io.arrays import F
@@ -346,7 +347,9 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
         raise InputError(
             f"{model.name}: {'; '.join(exported.lost.values())}: the controller would not have the "
             "model that was fitted.",
-            remedy=_that_steps(model, exported, to, name) or _without(list(exported.lost), again),
+            remedy=_that_steps(model, exported, to, name)
+            or _at_columns(model, exported, again)
+            or _without(list(exported.lost), again),
         )
 
 
@@ -376,6 +379,24 @@ def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy 
 
 _STEPPING = {NEEDS_ENERGY: ("an energy", "energy4"), NEEDS_POLYNOMIAL: ("a polynomial", "cubic")}
 """The base that steps where another does not: words, and its name for `ecm fit`."""
+
+
+def _at_columns(model: Model, exported: Exported, again: str) -> Remedy | None:
+    """The map at one value of the columns that lost effects follow; None where that is no map.
+
+    The value is the middle of those that were measured.
+    """
+    lost = [item.effect for item in model.effects if item.id in exported.lost]
+    names = [followed(effect, model.known_length_m) for effect in lost]
+    if actuators_of(model.base) or not set(names) <= model.conditions.keys():
+        return None
+    middles = {name: sum(model.conditions[name]) / 2.0 for name in names}
+    return Remedy(
+        f"export it at one value of {' and '.join(middles)}, as here in the middle of those that "
+        "were measured (or export all the same with --force)",
+        f"{again} --at {','.join(f'{name}={value:.6g}' for name, value in middles.items())}",
+        force=True,
+    )
 
 
 def _hard_to_fold(model: Model, folded_ids: Sequence[str]) -> Sequence[str]:
@@ -447,7 +468,9 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
         )
     one, share = folded(model)
     where = "measured poses" if has_measured_poses(model) else "poses drawn from the domain"
-    parts = acting if has_code else [str(kind), *acting]
+    fixed = {i.id: i.effect.physics for i in model.effects if isinstance(i.effect, AtColumns)}
+    parts = [] if has_code else [str(kind)]
+    parts += [fixed.get(id, id) for id in acting]
     note = (
         f"Folded into {one.name}: {', '.join(parts)}; the folded map differs from "
         f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component, "

@@ -100,7 +100,7 @@ _OPTIONS: dict[str, dict[str, str | list[str] | None]] = {
     },
     "fit": {"model": _MODEL, "add": [_ANY], "curve": None, "force": None},
     "refit": {"add": [_ANY], "remove": [_ANY], "freeze": [_ANY], "force": None},
-    "export": {"to": _TARGET, "mass": _NUMBER, "inertia": _NUMBER, "force": None},
+    "export": {"to": _TARGET, "mass": _NUMBER, "inertia": _NUMBER, "at": _ANY, "force": None},
     "check": {"skip_bad_rows": None},
 }
 """What a request may say of the options of its command: one text of a form, several, or a flag."""

@@ -17,6 +17,7 @@ export function wayOut(remedy, state, app) {
 function label(verb, request) {
   const names = list => (list ?? []).map(effectName).join(" and ");
   if (request.skip_bad_rows || request.leave_out) return "Leave these rows out";
+  if (request.at) return `Export at ${readable(request.at)}`;
   if (request.force) return verb === "export" ? "Export it all the same" : "Save it all the same";
   if (request.remove) return `Leave out ${names(request.remove)} and fit again`;
   if (verb === "fit" && request.add) return `Fit ${effectName(request.model ?? "")} with ${names(request.add)}`;
