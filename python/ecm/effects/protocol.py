@@ -18,7 +18,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ecm.errors import InputError
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH, actuation_columns
 from ecm.io.description import Meta
@@ -351,9 +350,9 @@ class AtColumns(Effect):
     """
 
     def __init__(self, effect: Effect, columns: Mapping[str, float]) -> None:
-        self.effect = effect
+        self.effect, self._values = effect, columns
         # A lag needs the time, and what does not change has no lag.
-        self.columns = {"time_s": 0.0, **columns}
+        self._columns = {"time_s": 0.0, **columns}
         self.id, self.parameters, self.side = effect.id, effect.parameters, effect.side
         self.of_six = effect.of_six
         values = ", ".join(f"{name} = {value:.6g}" for name, value in columns.items())
@@ -361,16 +360,21 @@ class AtColumns(Effect):
 
     @property
     def shape(self) -> Shape:
-        """It has none: a file holds the effect that follows its columns."""
-        raise InputError(
-            f"{self.physics}: a model at fixed values predicts and is exported; save the model "
-            "that it was made of"
-        )
+        """The values of the columns; the effect's own shape is as it was."""
+        return dict(self._values)
+
+    def missing(self, table: Table) -> Missing | None:
+        """What the effect needs beside these columns."""
+        return self.effect.missing(self._fixed(table))
 
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) correction of the effect with these columns."""
-        fixed = {name: np.full(len(rows), value) for name, value in self.columns.items()}
-        return self.effect.correction(replace(rows, table=rows.table.with_columns(fixed)), values)
+        return self.effect.correction(replace(rows, table=self._fixed(rows.table)), values)
+
+    def _fixed(self, table: Table) -> Table:
+        return table.with_columns(
+            {name: np.full(len(table), value) for name, value in self._columns.items()}
+        )
 
 
 def followed(effect: Effect, length_m: float | None = None) -> str:

@@ -452,8 +452,14 @@ class Model(Shown, EvaluatedModel):
         return self._changed(effects=effects, base_frozen=self.base_frozen or "base" in ids)
 
     def save(self, path: str | Path) -> None:
-        """Write a model file with its checksum."""
+        """Write a model file with its checksum; not of a model `at` fixed values."""
         check_arguments(Model.save, locals())
+        fixed = [i.effect.physics for i in self.effects if isinstance(i.effect, AtColumns)]
+        if fixed:
+            raise InputError(
+                f"{', '.join(fixed)}: a model at fixed values predicts and is exported; save the "
+                "model that it was made of"
+            )
         registry.write_document(self.document(), path)
 
     def document(self) -> dict[str, Any]:
