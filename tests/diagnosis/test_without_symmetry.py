@@ -24,6 +24,8 @@ META = Meta(
     ),
 )
 REST = np.array([L, 0.0, 0.0])
+REGULAR, LEGS = 0, [45, -45, 165, 75, 285, 195]
+"""The platform on six alike legs, and where these hold it, in degrees."""
 
 
 def on_springs(poses: F, seed: int) -> F:
@@ -34,6 +36,12 @@ def on_springs(poses: F, seed: int) -> F:
         for x in ((-0.01, 0.0), (-0.005, 0.005))
     )
     stiffness, curve = random.uniform(300.0, 3000.0, 6), random.uniform(0.0, 3.0, 6)
+    if seed == REGULAR:
+        base, tip = (
+            radius * np.c_[np.zeros(6), np.cos(np.deg2rad(at)), np.sin(np.deg2rad(at))]
+            for radius, at in ((0.05, [12, -12, 132, 108, 252, 228]), (0.03, LEGS))
+        )
+        stiffness, curve = np.full(6, 2000.0), np.zeros(6)
     free = np.linalg.norm(REST + tip - base, axis=1)
     arms = np.einsum("nij,kj->nki", Rotation.from_rotvec(poses[:, 3:]).as_matrix(), tip)
     along = poses[:, None, :3] + arms - base
@@ -55,6 +63,10 @@ def measured(seed: int, hidden: str = "") -> Table:
         wrench = wrench * (1.0 - 0.012 * (warm - 22.0))[:, None]
     if hidden == "fts_drift":
         wrench = wrench + time[:, None] / time[-1] * [0.0, 0.0, 0.6, 0.0, 0.02, 0.0]
+    if hidden == "fts_frame":
+        turn = Rotation.from_rotvec(poses[:, 3:])
+        turned = turn * Rotation.from_rotvec([0.05, -0.04, 0.03]) * turn.inv()
+        wrench = np.hstack([turned.apply(wrench[:, :3]), turned.apply(wrench[:, 3:])])
     columns = columns_of(poses, wrench + random.normal(size=(120, 6)) * NOISE)
     return as_table(columns | {"time_s": time, "temperature_degC": warm}, meta=META)
 
@@ -67,6 +79,17 @@ def test_names_are_against_an_energy_without_symmetry(seed: int, hidden: str) ->
     assert any("the body is none of revolution" in words for words in found.warnings)
     expected = ("named", ((hidden,),)) if hidden else ("none", ())
     assert (found.verdict, found.answer) == expected, found.sentence()
+
+
+def test_a_turned_sensor_is_named_and_added_to_an_energy_without_symmetry() -> None:
+    """A turn has no potential: by itself this energy is led astray by it, and fits no better."""
+    table = measured(REGULAR, "fts_frame")
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert len(found.answer) == 1, found.sentence()
+    assert "fts_frame" in found.answer[0]
+    assert found.addition is not None
+    assert found.addition.remedy is not None
+    assert "--model energy4-general --add " in found.addition.remedy.command
 
 
 def test_and_where_three_forces_are_measured() -> None:

@@ -449,8 +449,9 @@ def diagnose(
         if found.verdict not in ("named", "ambiguous"):
             return found
         richer = _far_better_degree(decision, model.base)
+        against = decision.problem.base.name
         del decision  # its rows, whitened, are most of the memory
-        return replace(found, addition=addition_to(model, table, named, richer))
+        return replace(found, addition=addition_to(model, table, named, richer, against))
 
 
 @one_blas_thread()
@@ -564,6 +565,7 @@ def _against_the_bases(
                 symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
                 decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
                 most = _BESIDE_NAMES * left
+        decision = _without_symmetry(decision, against)
         richer = richer_polynomial(decision)
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
@@ -579,6 +581,24 @@ def _against_the_bases(
         return decision
     energy = against(symmetric_energy(decision.prepared.unexplained))
     return against_energy(decision, energy, stages)
+
+
+def _without_symmetry(decision: Decision, against: Callable[[StiffnessMap], Decision]) -> Decision:
+    """Return the names against an energy without symmetry, where one with it leaves far more.
+
+    By itself it need not fit better: of many coefficients, those rows lead astray that an effect
+    spoils. Without a name it says no more than that something follows the pose.
+    """
+    base, left = whole_map(decision.problem.base), _error_left(decision)
+    symmetric = isinstance(base, EnergyMap) and base.model.symmetry != "general"
+    told = decision.verdict != "unknown" and left <= FAR_BEYOND_NOISE
+    if told or not symmetric or decision.statement is not None:
+        return decision
+    with suppress(ModelError, InputError):  # fewer rows than coefficients
+        again = against(energy_with("general", decision.problem.table))
+        if again.answer and _error_left(again, decision.problem) < _BY_ITSELF * left:
+            return replace(again, warnings=(_LESS_SYMMETRY["general"],))
+    return decision
 
 
 @dataclass(frozen=True)

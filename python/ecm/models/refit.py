@@ -597,7 +597,7 @@ class Addition:
 
 
 def addition_to(
-    model: Model, table: Table, effects: Sequence[Effect], richer: str = ""
+    model: Model, table: Table, effects: Sequence[Effect], richer: str = "", against: str = ""
 ) -> Addition | None:
     """Add effects to a model as `ecm refit` does; None where it has them all already.
 
@@ -611,6 +611,8 @@ def addition_to(
         Those that are named.
     richer
         A base that leaves far less beside them: the way, where it errs less on held-out rows too.
+    against
+        The base that they were named against: the way where this model cannot take them.
     """
     present = [item.effect for item in model.effects]
     new = [effect for effect in effects if effect.id not in [own.id for own in present]]
@@ -622,8 +624,10 @@ def addition_to(
         found = _changed(model, table, new, (), (), with_ceiling=False)
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
-        said = getattr(error, "message", str(error))
-        return Addition(ids, None, None, said, remedy_of(error))
+        said, way = getattr(error, "message", str(error)), None
+        if against and against != model.base.name:
+            way = remedy_with_base(against, [*present, *new], table)
+        return Addition(ids, None, None, said, way or remedy_of(error))
     before, after = (record.held_out for record in found.history[-2:])
     known = not found.noise.is_residual
     options = " ".join(f"--add {id}" for id in ids)
