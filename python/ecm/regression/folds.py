@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ecm.io.arrays import B, F, I, evenly
+from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.history import order_of_visits
 
@@ -51,6 +52,8 @@ def zero_of_rows(time_s: F, taken_s: F, readings: F) -> F:
 
 
 _STRETCHES, _FOLDS = 12, 5
+_IN_FEW = 4
+"""Clusters of poses that are left out together of a table of fewer than six pose columns."""
 
 
 def row_groups(table: Table) -> I:
@@ -168,7 +171,10 @@ def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"])
         return np.asarray(block[groups])
     sizes = np.bincount(groups)
     centres = np.stack([np.bincount(groups, axis) / sizes for axis in poses.T], axis=1)
-    return np.asarray(_clusters(centres, n)[groups])
+    # Fewer columns have a polynomial, which tells nothing beyond the rows that it was fitted to. So
+    # a part is several clusters of these, and those at the ends of a coordinate are narrow.
+    pieces = min(count, n * (_IN_FEW if poses.shape[1] < len(POSE) else 1))
+    return np.asarray((_clusters(centres, pieces) % n)[groups])
 
 
 def _clusters(points: F, n: int) -> I:
