@@ -67,8 +67,9 @@ def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
     )
     rest = screw.copy()
     rest[:, 3:, 3:] += 0.5 * skew(wrenches[:, 3:])
-    of_all, left = _parts(stiffness), _parts(rest)
-    return Symmetry(*of_all, _share(of_all[0], stiffness), left[1], _share(left[0], rest))
+    return Symmetry(
+        *_parts(stiffness), symmetric_share(stiffness), _parts(rest)[1], symmetric_share(rest)
+    )
 
 
 def _parts(matrix: F) -> tuple[F, F]:
@@ -76,9 +77,10 @@ def _parts(matrix: F) -> tuple[F, F]:
     return 0.5 * (matrix + transposed), 0.5 * (matrix - transposed)
 
 
-def _share(part: F, matrix: F) -> F:
-    top = np.linalg.norm(part, 2, axis=(1, 2))
-    return np.asarray(top / np.linalg.norm(matrix, 2, axis=(1, 2)))
+def symmetric_share(stiffness: F) -> F:
+    """||K_sym||2 / ||K||2 of each pose (equation (10), Fig. 12), K in SI units."""
+    symmetric = np.linalg.norm(_parts(stiffness)[0], 2, axis=(1, 2))
+    return np.asarray(symmetric / np.linalg.norm(stiffness, 2, axis=(1, 2)))
 
 
 _REACH_MARGIN = 1.05

@@ -44,6 +44,7 @@ from ecm.models import (
 )
 from ecm.models.actuated import ActuatedMap
 from ecm.models.physics.map import poses_meant
+from ecm.models.prediction import symmetric_share
 from ecm.regression.blas import one_blas_thread
 from ecm.report.blocks import Report, require_report
 from ecm.rig import HiddenTable, RigSettings, fem_source, reveal
@@ -352,7 +353,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap | No
     inputs = _driven(job)
     shown = model if inputs else cubic
     poses = np.concatenate([table.measured().matrix((*POSE, *inputs)) for table in tables.values()])
-    share = steps.symmetric_share(shown.stiffness(poses)[:, :, :6])
+    share = symmetric_share(shown.stiffness(poses)[:, :, :6])
     job.figures["symmetric_share"] = share
     rest = rest_pose(job.config.mechanism.length_m, len(inputs))[None]
     stiffness = shown.stiffness(rest)[0, :, :6]

@@ -250,13 +250,6 @@ def table_three(
     return rows, figures
 
 
-def symmetric_share(stiffness: F) -> F:
-    """||K_sym||2 / ||K||2 of each pose (equation (10), Fig. 12), K in SI units."""
-    symmetric = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
-    norms = [np.linalg.norm(matrix, 2, axis=(1, 2)) for matrix in (symmetric, stiffness)]
-    return np.asarray(norms[0] / norms[1])
-
-
 def against_equation_11(stiffness: F, paper: bool) -> list[dict[str, Any]]:
     """The significant entries of a K at rest; with `paper` also the paper's, by magnitude."""
     symmetric = 0.5 * (stiffness + stiffness.T)
