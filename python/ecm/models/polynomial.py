@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -242,11 +243,7 @@ class PolynomialModel(ModelSpecification):
         model = after_a_part(solved, len(poses), _PART, progress)
         base = PolynomialMap(model, inputs, outputs)
         if weights == "noise":
-            noise = declared_noise(table)
-
-            def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
-                return fit_polynomial_gls(base, poses, wrenches, covariance)
-
+            noise, solve = declared_noise(table), partial(fit_polynomial_gls, base)
             return fit_with_pose_noise(table, base, noise, AllRows(solve), progress=progress)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
