@@ -232,9 +232,9 @@ class TrueEffect:
     @classmethod
     def draw(cls: type[T], random: Random, rig: RigScale) -> T:
         """A random shape with a first guess of the size; only its sign is used."""
-        size = random_sign(random) * cls.first_size if cls.either_sign else cls.first_size
+        sign = float(random.choice([-1.0, 1.0])) if cls.either_sign else 1.0
         shape = {f.name: f.metadata["drawn"] for f in fields(cls) if "drawn" in f.metadata}
-        return cls(size, **{name: how(random, rig) for name, how in shape.items()})
+        return cls(sign * cls.first_size, **{name: how(random, rig) for name, how in shape.items()})
 
     def resized(self: T, size: float) -> T:
         """The same shape at another size."""
@@ -437,11 +437,6 @@ DIRECTION = drawn(lambda random, rig: balanced_direction(random))
 """Metadata of a field that holds a balanced direction."""
 MEAN_TEMPERATURE = drawn(lambda random, rig: rig.mean_temperature_degC)
 """Metadata of a field that holds the temperature about which the effect is 0."""
-
-
-def random_sign(random: Random) -> float:
-    """1 or -1."""
-    return float(random.choice([-1.0, 1.0]))
 
 
 def metric_root(length_m: float) -> F:
