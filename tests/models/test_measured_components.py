@@ -9,9 +9,10 @@ import pytest
 
 import ecm
 from ecm.errors import InputError, remedy_of
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
-from ecm.models import choose_model, surrogate_of
+from ecm.models import PhysicsMap, choose_model, surrogate_of
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
 from support.models import spring_body
@@ -35,6 +36,12 @@ def measured(outputs: tuple[str, ...] = FORCES, rows: int = 120, seed: int = 1) 
     columns = columns_of(poses, wrenches)
     kept = {name: columns[name] for name in (*POSE, *outputs)}
     return ecm.as_table(kept | {"time_s": 2.0 * np.arange(rows)}, meta=META)
+
+
+def whole_base(poses: F) -> PhysicsMap:
+    """The body's own wrenches at these poses: a physics base of six components."""
+    h = spring_body().predict(poses)
+    return surrogate_of(poses, h, LENGTH_M, test_poses=poses, test_wrenches=h)
 
 
 @pytest.mark.parametrize("outputs", [FORCES, WRENCH[3:], ("fy_N", "tau_z_Nm")])
@@ -67,15 +74,8 @@ def test_an_energy_fits_and_keeps_to_what_was_measured(
 
 def test_a_body_that_forces_determine_predicts_all_six() -> None:
     table = measured()
-    poses = table.poses
-    stiff = surrogate_of(
-        poses,
-        spring_body().predict(poses),
-        LENGTH_M,
-        test_poses=poses,
-        test_wrenches=spring_body().predict(poses),
-    )
-    model = ecm.fit(table, PhysicsModel(base=stiff.with_coefficients(np.array([2.0]))))
+    twice_as_stiff = whole_base(table.poses).with_coefficients(np.array([2.0]))
+    model = ecm.fit(table, PhysicsModel(base=twice_as_stiff))
     assert model.outputs == WRENCH
     np.testing.assert_allclose(model.base.coefficients, [1.0], atol=2e-3)
     assert [c.name for c in ecm.compare(model, table).components] == list(FORCES)
@@ -86,16 +86,9 @@ def test_a_body_that_forces_determine_predicts_all_six() -> None:
 
 def test_a_whole_model_of_forces_without_a_stated_noise_is_stored_and_read(tmp_path: Path) -> None:
     """The spread of three residuals is no noise of six components."""
-    poses = measured().poses
-    base = surrogate_of(
-        poses,
-        spring_body().predict(poses),
-        LENGTH_M,
-        test_poses=poses,
-        test_wrenches=spring_body().predict(poses),
-    )
     table = measured().with_meta(Meta(mechanism={"length_m": LENGTH_M}))
-    model = ecm.fit(table, PhysicsModel(base=base))
+    poses = table.poses
+    model = ecm.fit(table, PhysicsModel(base=whole_base(poses)))
     assert model.outputs == WRENCH
     model.save(tmp_path / "model.json")
     again = ecm.load_model(tmp_path / "model.json")
