@@ -36,6 +36,7 @@ from support.campaigns import (
     physics,
     plan,
     with_change,
+    with_effect,
 )
 from support.stand_in import L, StandIn
 
@@ -263,10 +264,6 @@ def sorted_by_size(table: Table) -> Table:
     deflection = (measured.poses - [L, 0, 0, 0, 0, 0]) * [1, 1, 1, L, L, L]
     order = np.argsort(np.abs(deflection).sum(axis=1))
     return measured.select(order).with_columns({"time_s": np.sort(measured.column("time_s"))})
-
-
-def with_effect(table: Table, id: str, values: list[float]) -> Table:
-    return with_change(table, get_effect(id).correction(Rows(table, physics()), np.array(values)))
 
 
 def test_trap_size_that_grows_with_time() -> None:

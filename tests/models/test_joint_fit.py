@@ -18,15 +18,8 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model, load_model
 from ecm.models.joint_fit import FittedEffect, joint_fit, unit_products
-from support.campaigns import campaign, model, physics, with_change, workspace_poses
+from support.campaigns import campaign, model, physics, with_effect, workspace_poses
 from support.neck import Command, columns_of
-
-
-def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
-    """The campaign with nothing hidden, plus an effect in the library's own form."""
-    table = campaign(seed=seed)
-    change = get_effect(id).correction(Rows(table, physics()), values)
-    return with_change(table, change)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +35,7 @@ def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-
 )
 def test_values_come_back_within_their_errors(id: str, values: list[float]) -> None:
     truth = np.asarray(values)
-    table = with_effect(id, truth)
+    table = with_effect(campaign(seed=3), id, truth)
     found = joint_fit(physics(), (get_effect(id),), table, declared_noise(table))
     assert found.converged
     item = found.effects[0]
@@ -54,7 +47,7 @@ def test_values_come_back_within_their_errors(id: str, values: list[float]) -> N
 def test_what_the_base_can_take_as_well_is_the_bases() -> None:
     """All gains at once are a modulus: the answer does not hang on the modulus it began with."""
     gains = np.array([0.03, -0.01, 0.01, -0.02, 0.0, 0.02])
-    table = with_effect("fts_gain", gains)
+    table = with_effect(campaign(seed=3), "fts_gain", gains)
     noise, gain = declared_noise(table), get_effect("fts_gain")
     start = physics()
     other = start.with_coefficients(1.02 * start.coefficients)
@@ -71,7 +64,7 @@ def test_what_the_base_can_take_as_well_is_the_bases() -> None:
 
 def test_a_bound_is_kept() -> None:
     """A clamp cannot push: data that ask for a negative compliance give zero."""
-    table = with_effect("base_compliance", np.array([-3e-3, 0.0, 0.0]))
+    table = with_effect(campaign(seed=3), "base_compliance", [-3e-3, 0.0, 0.0])
     found = joint_fit(physics(), (get_effect("base_compliance"),), table, declared_noise(table))
     values = found.effects[0].values
     assert np.all(values >= -1e-12)
@@ -162,7 +155,8 @@ def test_the_best_shape_is_taken_and_kept() -> None:
         {n: early.column(n) + shape * body[:, j] for j, n in enumerate(WRENCH)}
     )
     assert "tau_s" in model().add("fts_drift").fit(settled).effects[0].effect.shape
-    steady = with_effect("fts_drift", 1e-3 * np.array([1.0, 0.5, -0.5, 0.01, 0.02, 0.01]))
+    drift = 1e-3 * np.array([1.0, 0.5, -0.5, 0.01, 0.02, 0.01])
+    steady = with_effect(campaign(seed=3), "fts_drift", drift)
     assert model().add("fts_drift").fit(steady).effects[0].effect.shape == {}
 
 
@@ -277,8 +271,8 @@ def test_a_clamp_that_would_push_is_no_shape_to_choose() -> None:
 def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Command) -> None:
     """On another table frozen values stay to the last digit, and the rest moves."""
     own, other = tmp_path / "own.csv", tmp_path / "other.csv"
-    with_effect("fts_offset", np.array([2.0, -1.0, 1.0, 0.05, -0.03, 0.02])).write(own)
-    with_effect("fts_offset", np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), seed=5).write(other)
+    with_effect(campaign(seed=3), "fts_offset", [2.0, -1.0, 1.0, 0.05, -0.03, 0.02]).write(own)
+    with_effect(campaign(seed=5), "fts_offset", [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).write(other)
     models = {name: tmp_path / f"{name}.json" for name in ("bare", "full", "kept", "base", "less")}
 
     def refitted(model: str, data: Path, out: str, *arguments: str) -> str:

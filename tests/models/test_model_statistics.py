@@ -13,8 +13,6 @@ from ecm import _native
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
-from ecm.io.description import Meta
-from ecm.io.table import Table
 from ecm.models import (
     GROUPS,
     EnergyMap,
@@ -28,16 +26,11 @@ from ecm.models import (
 from ecm.models.fit import constrained
 from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.rig.elastic import COS2
-from support.campaigns import campaign, workspace_poses
-from support.neck import Command, columns_of
+from support.campaigns import campaign, exact_table, workspace_poses
+from support.neck import Command
 from support.stand_in import L, wrench
 
 HOME = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
-
-
-def table_of(poses: F, wrenches: F) -> Table:
-    columns = columns_of(poses, wrenches)
-    return Table(columns, Meta(mechanism={"length_m": L}), "exact")
 
 
 def energy(groups: list[str], seed: int) -> EnergyMap:
@@ -54,7 +47,7 @@ def energy(groups: list[str], seed: int) -> EnergyMap:
 def test_a_group_recovers_what_it_stands_for(group: str, tmp_path: Path) -> None:
     truth = energy([group], 1)
     train, test = workspace_poses(200, 1), workspace_poses(50, 2)
-    table = table_of(train, truth.predict(train))
+    table = exact_table(train, truth.predict(train))
     scale = np.abs(truth.predict(test)).max(axis=0)
     with_group = fit_model(table, f"energy4+{group}")
     error = np.abs(with_group.predict(test) - truth.predict(test)).max(axis=0)
@@ -70,7 +63,7 @@ def test_a_group_recovers_what_it_stands_for(group: str, tmp_path: Path) -> None
 def test_anisotropy_is_what_the_rig_hides() -> None:
     """The rig's cos 2 phi contrast of the modulus needs the group, and the group is enough."""
     train, test = workspace_poses(200, 1), workspace_poses(50, 2)
-    table = table_of(train, wrench(train, COS2))
+    table = exact_table(train, wrench(train, COS2))
 
     def error(name: str) -> float:
         off = fit_model(table, name).predict(test) - wrench(test, COS2)
@@ -87,7 +80,7 @@ def test_rotation_about_the_axis_turns_the_groups_phase_only() -> None:
     turn[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     both = np.kron(np.eye(2), turn)
     poses, test = workspace_poses(200, 7), workspace_poses(40, 8)
-    turned = table_of(poses @ both.T, truth.predict(poses) @ both.T)
+    turned = exact_table(poses @ both.T, truth.predict(poses) @ both.T)
     fitted = fit_model(turned, "energy4+anisotropy+precurvature")
     expected = truth.predict(test) @ both.T
     error = np.abs(fitted.predict(test @ both.T) - expected).max(axis=0)

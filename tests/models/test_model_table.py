@@ -11,13 +11,11 @@ import pytest
 from ecm._native import rod_poses
 from ecm.errors import InputError, MissingExtra
 from ecm.io.columns import POSE
-from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import fit_model, load_model, parse_model
 from ecm.models.export import export_files
-from support.campaigns import workspace_poses
-from support.neck import columns_of
-from support.stand_in import L, wrench
+from support.campaigns import exact_campaign, exact_table
+from support.stand_in import L
 
 SECTIONS = np.array([1900.0, 700.0, 0.65, 0.42])
 
@@ -32,13 +30,7 @@ def rod_table(count: int, seed: int) -> Table:
         wrenches, length_m=L, axial_stiffness_N=ea, shear_stiffness_N=ga,
         bending_stiffness_Nm2=ei, torsion_stiffness_Nm2=gj,
     )  # fmt: skip
-    columns = columns_of(poses[ok], wrenches[ok])
-    return Table(columns, Meta(mechanism={"length_m": L}), "rod")
-
-
-def stand_in(count: int, seed: int) -> Table:
-    poses = workspace_poses(count, seed)
-    return Table(columns_of(poses, wrench(poses)), Meta(mechanism={"length_m": L}), "exact")
+    return exact_table(poses[ok], wrenches[ok])
 
 
 def test_a_rod_is_found_and_answers_in_wrenches() -> None:
@@ -52,7 +44,7 @@ def test_a_rod_is_found_and_answers_in_wrenches() -> None:
 
 
 def test_constant_curvature_bends_and_stretches_but_does_not_shear() -> None:
-    model = fit_model(stand_in(60, 1), "constant-curvature")
+    model = fit_model(exact_campaign(60, 1), "constant-curvature")
     base = model.base
     assert len(base.coefficients) == 3
     home = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -95,7 +87,7 @@ def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> 
 
 def test_a_learned_map_takes_any_columns_and_refuses_effects() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
-    table = stand_in(80, 4).drop("x_m", "fz_N", "tau_x_Nm")
+    table = exact_campaign(80, 4).drop("x_m", "fz_N", "tau_x_Nm")
     model = fit_model(table, "gp")
     assert model.inputs == POSE[1:]
     notes = export_files(model, "c", "neck").notes  # as the polynomial that is nearest to it
@@ -109,4 +101,4 @@ def test_without_scikit_learn_the_extra_is_named(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setitem(sys.modules, module, None)
     for name in ("gp", "mlp"):
         with pytest.raises(MissingExtra, match=r"\(extra learn\)"):
-            fit_model(stand_in(40, 5), name)
+            fit_model(exact_campaign(40, 5), name)

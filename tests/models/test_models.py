@@ -33,14 +33,8 @@ from ecm.models import (
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import ModelSpecification
 from ecm.models.registry import MODELS
-from support.campaigns import campaign, model, physics, workspace_poses
-from support.neck import columns_of
+from support.campaigns import campaign, exact_campaign, model, physics, workspace_poses
 from support.stand_in import L, wrench
-
-
-def noise_free(count: int = 250, seed: int = 5) -> Table:
-    poses = workspace_poses(count, seed)
-    return Table(columns_of(poses, wrench(poses)), Meta(mechanism={"length_m": L}), "exact")
 
 
 def test_names() -> None:
@@ -76,12 +70,12 @@ def test_a_specification_fits_as_its_name(name: str, specification: ModelSpecifi
 
 
 def test_the_energy_of_the_truth_is_found_exactly() -> None:
-    fitted = fit_model(noise_free(), "energy4")
+    fitted = fit_model(exact_campaign(250, 5), "energy4")
     poses = workspace_poses(50, 6)
     scale = np.abs(wrench(poses)).max(axis=0)
     assert np.all(np.abs(fitted.predict(poses) - wrench(poses)).max(axis=0) < 1e-6 * scale)
     assert isinstance(fitted.base, EnergyMap)
-    cubic = fit_model(noise_free(), "cubic")
+    cubic = fit_model(exact_campaign(250, 5), "cubic")
     assert np.abs(cubic.predict(poses) - wrench(poses)).max() > 0.05
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import Any
 
@@ -10,13 +11,14 @@ import numpy as np
 from ecm.designs import Design, diagnosable_plan
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.verdict import Decision
-from ecm.effects import all_effects, get_effect
+from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, surrogate_of
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
+from support.neck import columns_of
 from support.stand_in import L, StandIn, wrench
 
 NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
@@ -38,6 +40,17 @@ def workspace_poses(count: int, seed: int) -> F:
     shortened = 0.25 * L * 0.5 * ((poses[:, 1:3] / 0.05) ** 2).sum(axis=1)
     poses[:, 0] = L + random.uniform(-0.004, 0.001, count) - shortened
     return poses
+
+
+def exact_table(poses: F, wrenches: F) -> Table:
+    """Pairs of a body of the closed form's length, without a word on noise."""
+    return Table(columns_of(poses, wrenches), Meta(mechanism={"length_m": L}), "exact")
+
+
+def exact_campaign(count: int, seed: int) -> Table:
+    """Such pairs of the closed form itself, in its workspace."""
+    poses = workspace_poses(count, seed)
+    return exact_table(poses, wrench(poses))
 
 
 @lru_cache(maxsize=1)
@@ -80,6 +93,12 @@ def model() -> Model:
 def with_change(table: Table, change: F) -> Table:
     """The table with a wrench (N, 6) more."""
     return table.with_columns(dict(zip(WRENCH, (table.wrenches + change).T, strict=True)))
+
+
+def with_effect(table: Table, id: str, values: Sequence[float] | F) -> Table:
+    """The table with an effect in the library's own form."""
+    change = get_effect(id).correction(Rows(table, physics()), np.asarray(values))
+    return with_change(table, change)
 
 
 def diagnosis_of(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Diagnosis:
