@@ -46,11 +46,13 @@ def plan() -> Table:
 
 def campaign(plan: Table, hide: str = "", strength: float = 1.0, **plant: float) -> Campaign:
     """On the small rig, beside what an energy can take in."""
+    return campaign_on(small_rig(**plant), plan, hide, strength)
+
+
+def campaign_on(settings: RigSettings, plan: Table, hide: str, strength: float) -> Campaign:
     hidden = [Hidden(hide, strength)] if hide else []
     columns = arm_model().actuated.columns
-    return Campaign(
-        plan, small_rig(**plant), DrivenArm(), hide=hidden, seed=3, base_columns=columns
-    )
+    return Campaign(plan, settings, DrivenArm(), hide=hidden, seed=3, base_columns=columns)
 
 
 def initial(of: Campaign) -> B:
@@ -223,10 +225,7 @@ def test_a_winch_that_stands_still_is_named_with_the_pose_at_which_it_was_set() 
 def streamed(plan: Table, hide: str = "") -> Campaign:
     """On the small rig with a raw stream; its robot goes where it is told."""
     rig = {"stream_Hz": 2.0, "pose_error_m": 0.0, "pose_error_rad": 0.0}
-    settings = RigSettings.from_dict({**SMALL_RIG, "rig": rig})
-    hidden = [Hidden(hide, 2.0)] if hide else []
-    columns = arm_model().actuated.columns
-    return Campaign(plan, settings, DrivenArm(), hide=hidden, seed=3, base_columns=columns)
+    return campaign_on(RigSettings.from_dict({**SMALL_RIG, "rig": rig}), plan, hide, 2.0)
 
 
 @pytest.mark.parametrize("offsets", [True, False])
