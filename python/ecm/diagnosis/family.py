@@ -46,6 +46,8 @@ _KNOWN, _UNKNOWN = 30.0, 1.0
 _MOST_ROWS = 600
 _ZERO = 1e-6
 """Coefficient that is zero but for the slack of its bound."""
+_ASYMMETRIC = (2, 4)
+"""Degrees of an energy without symmetry that may be what a symmetric one lacks."""
 _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 SURE = 0.9
@@ -412,8 +414,9 @@ def _of_pose(problem: Problem) -> Iterator[F]:
     """Yield (N, m, q) smooth processes of the pose: in each component, and forms of a body.
 
     These are a factor on the wrench that follows the deflection or the work, as every nonlinear
-    material has, and what an energy of two degrees more holds. Beside them alone the largest
-    deflection so far has a meaning: in a test that grows it is much like the deflection itself.
+    material has, and what an energy of two degrees more holds, or one of low degree without
+    symmetry. Beside them alone the largest deflection so far has a meaning: in a test that grows it
+    is much like the deflection itself; and readings that mix axes: those of a skewed body do.
     """
     rows = problem.rows
     at = rows.poses - rows.middle_pose
@@ -430,11 +433,13 @@ def _of_pose(problem: Problem) -> Iterator[F]:
         yield from _factors(problem, _cosines(rows.of_whole(size), 4))
     base = whole_map(problem.base)
     if isinstance(base, EnergyMap) and base.terms.symmetry != "general":  # that has thousands
-        terms = replace(base.terms, degree=base.terms.degree + 2)
+        more = replace(base.terms, degree=base.terms.degree + 2)
+        free = [replace(more, degree=d, symmetry="general", groups=()) for d in _ASYMMETRIC]
         outputs = [WRENCH.index(name) for name in problem.base.outputs]
-        columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
-        columns = problem.whitener.each @ columns
-        yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
+        for terms in (more, *free):
+            columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
+            columns = problem.whitener.each @ columns
+            yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
 
 
 def _sizes_of_load(rows: Rows) -> list[F]:
