@@ -176,12 +176,22 @@ def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> 
     return [one for column, one in by_column.items() if in_one_order(own, _values(table, column))]
 
 
-def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
-    """Return how likely each driver is, the pose, the named effects together, and nothing."""
+def posterior(
+    problem: Problem, named: Sequence[Candidate] = (), others: Sequence[Candidate] = ()
+) -> Posterior:
+    """Return how likely each driver is, the pose, the named effects together, and nothing.
+
+    Parameters
+    ----------
+    others
+        Effects that are there beside these.
+    """
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
     numbers = (m * rows[:, None] + np.arange(m)).ravel()
-    base = orthonormal(problem.flat(problem.coefficient_block)[numbers])
+    there = [column for item in others for column in item.columns]
+    blocks = [problem.coefficient_block, problem.design[:, :, there]]
+    base = orthonormal(problem.flat(np.concatenate(blocks, axis=2))[numbers])
 
     def beside(columns: F) -> F:
         some = problem.flat(columns)[numbers]
@@ -199,7 +209,8 @@ def posterior(problem: Problem, named: Sequence[Candidate] = ()) -> Posterior:
     known = _UNKNOWN if problem.noise.is_assumed else _KNOWN
     freedom = y.size - base.shape[1]
 
-    drivers = tuple(_drivers(problem, frozenset(item.id for item in named)))
+    accepted = frozenset(item.id for item in (*named, *others))
+    drivers = tuple(_drivers(problem, accepted))
     processes = [
         [problem.whitener.in_time(form) for form in forms]
         for forms in (*(one.forms for one in drivers), tuple(_of_pose(problem)))

@@ -27,7 +27,7 @@ from typing import Any, cast
 import numpy as np
 
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import SURE, find_family, posterior
+from ecm.diagnosis.family import SURE, Posterior, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -530,7 +530,15 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         if chances.nothing_is_likeliest:
             return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
         if chances.of_effects >= 1.0 - SURE:
-            return decision
+            fallen = _outweighed(decision)
+            if fallen is None:
+                return decision
+            item, chances = fallen
+            place, kept = accepted.effects.index(item), without(accepted.effects, item)
+            classes = accepted.classes[:place] + accepted.classes[place + 1 :]
+            accepted = Accepted(kept, classes, accepted.checks, problem.fit_with(kept))
+            rest = leftover(problem, decision.gate, kept)
+            decision = replace(decision, accepted=accepted, left=rest)
         left = residual_after(problem, accepted.effects)
         unknown = describe(problem, left, accepted.effects, decision.gate.structure)
         decision = replace(decision, verdict="unknown", unknown=unknown)
@@ -544,6 +552,19 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     unknown = replace(unknown, variables=variables, template=family.draft)
     said = replace(decision, verdict="family", unknown=unknown, family=family)
     return replace(said, family=replace(family, probability=probability(said)))
+
+
+def _outweighed(decision: Decision) -> tuple[Candidate, Posterior] | None:
+    """Return the effect of several that all else outweighs beside the others; None of none."""
+    problem, effects = decision.problem, decision.accepted.effects
+    for item in effects if len(effects) > 1 else ():
+        others = without(effects, item)
+        # Of what the others explain their forms may leave a part, as those of the model's may.
+        there = replace(problem, held=problem.held + delta_chi2(problem, others))
+        chances = posterior(there, (item,), others)
+        if chances.of_effects < 1.0 - SURE:
+            return item, chances
+    return None
 
 
 def _against_the_bases(
