@@ -99,7 +99,7 @@ def test_an_export_at_one_value_of_a_column_is_the_way_out(
     ):
         again = ecm_command("export", model, "--to", "c", "--out", out, "--at", words)
         assert told in again.refused().err
-    with pytest.raises(InputError, match="save the model that it was made of"):
+    with pytest.raises(InputError, match="save the model that follows its columns"):
         better.at({"valve": 2.0}).save(model)
 
 

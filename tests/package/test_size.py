@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_618, 204),
+    "python/ecm": (43_755, 204),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (34_801, 238),
+    "tests": (34_893, 238),
     "crates": (34_513, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-softening by any load and with any width in exported C and Rust (96 lines of crates, 25 of Python),
-what inputs push apart from the material (33), an effect added to the degree that it hid and ways
-out that go on (28); a test of each."""
+effects of recorded columns exported at a fixed value (90 lines of Python), a skewed body told from a
+sensor that mixes axes (45), and the base of the names where a model cannot take them; a test of
+each."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -458,7 +458,7 @@ class Model(Shown, EvaluatedModel):
         if fixed:
             raise InputError(
                 f"{', '.join(fixed)}: a model at fixed values predicts and is exported; save the "
-                "model that it was made of"
+                "model that follows its columns"
             )
         registry.write_document(self.document(), path)
 
