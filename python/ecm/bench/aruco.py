@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ecm.bench.devices import DeviceError
-from ecm.bench.targets import OWN, platform_pose
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import readable, require
+from ecm.io.se3 import OWN, platform_pose
 
 _STALE = 5
 """Images that a camera's driver may hold from the time before the window."""

@@ -21,9 +21,8 @@ from contextlib import suppress
 import numpy as np
 
 from ecm.bench.devices import DeviceError
-from ecm.bench.targets import OWN, platform_pose
 from ecm.io.arrays import F
-from ecm.io.se3 import vectors_of
+from ecm.io.se3 import OWN, platform_pose, vectors_of
 
 _FRAME_OF_DATA = 7
 _COUNT, _BODY, _POINT_BYTES = struct.Struct("<i"), struct.Struct("<i3f4ffh"), 12

@@ -7,7 +7,7 @@ that of the top frame in the base frame, and its description has no `[frames]` a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -342,6 +342,34 @@ def frame_pose(frame: tuple[float, ...] | None) -> F:
         return _REST
     place, quaternion = np.split(np.asarray(frame, dtype=np.float64)[None], [3], axis=1)
     return np.concatenate([place, vectors_of(quaternion, "wxyz")], axis=1)
+
+
+OWN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""A target that is the frame itself: m and quaternion w x y z."""
+
+
+def platform_pose(
+    top_from_target: Sequence[float], base_from_target: Sequence[float]
+) -> Callable[[F, F], F]:
+    """Return a function of the poses (6,) of two targets that gives the platform's pose (6,).
+
+    The first target is on the platform, the second on the base; their places there are given.
+
+    Examples
+    --------
+    >>> pose = platform_pose(OWN, (0.0, 0.1, 0.0, 1.0, 0.0, 0.0, 0.0))
+    >>> pose(np.array([0.3, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.2, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    array([0.1, 0.1, 0. , 0. , 0. , 0. ])
+    """
+    base = frame_pose(tuple(base_from_target))
+    target_from_top = seen_from(frame_pose(tuple(top_from_target)), np.zeros((1, 6)))
+
+    def pose(platform_target: F, base_target: F) -> F:
+        between = seen_from(base_target[None], platform_target[None])
+        found: F = compose(compose(base, between), target_from_top)[0]
+        return found
+
+    return pose
 
 
 def _wrench(
