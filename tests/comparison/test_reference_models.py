@@ -82,6 +82,10 @@ def test_shares_are_those_of_the_squares() -> None:
     assert outdone.shares() == {}
     assert "errs far more than the model" in outdone.sentence()
     assert replace(outdone, own=8.0).shares()["symmetric"] > 0.5
+    # Without structure, as of few rows, an error of six times the noise is no noise.
+    assert "errs far more than the model" in replace(outdone, missing=False).sentence()
+    alike = ReferenceModels(physics=9.0, energy=9.0, ceiling=9.0, missing=False, own=8.0)
+    assert alike.sentence() == "No family of effects stands out."
     # A ceiling that is no better than the energy has nothing of its own.
     assert ReferenceModels(physics=3.0, energy=1.0, ceiling=1.2).shares()["asymmetric"] == 0.0
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ecm.comparison.structure import NEAR_NOISE
 from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import fields_json
@@ -98,10 +99,12 @@ class ReferenceModels:
     def sentence(self) -> str:
         """Return one plain sentence."""
         shares = self.shares()
-        if self.missing and self.outdone:
+        is_noise = not self.missing and (self.own is None or self.own <= NEAR_NOISE)
+        if self.outdone and not is_noise:
             return "Each of these errs far more than the model: they do not tell what it lacks."
         if not shares:
-            return "What is left is noise: no family of effects stands out."
+            known = "What is left is noise: no" if is_noise else "No"
+            return f"{known} family of effects stands out."
         best = max(shares, key=shares.__getitem__)
         text = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
         rest = [f"{v:.0%} to {_FAMILIES[k]}" for k, v in shares.items() if k != best and v > 0.15]
