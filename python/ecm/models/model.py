@@ -272,31 +272,23 @@ class Model(Shown, EvaluatedModel):
         >>> model.at({"temperature_degC": 25.0}).stiffness(np.array([0.001])).round(1)
         array([[2850.]])
         """
-        changed = self
+        known = {item.id: followed(item.effect, self.known_length_m) for item in self.effects}
         for name, value in columns.items():
-            changed = changed._at_one(name, float(value))
-        return changed
-
-    def _at_one(self, name: str, value: float) -> Model:
-        """The model at a fixed value of one column."""
-        length = self.known_length_m
-        known = {item.id: followed(item.effect, length) for item in self.effects}
-        if name not in known.values():
-            listed = ", ".join(sorted({*known.values()} - {""})) or "none"
-            raise InputError(
-                f"{name}: no effect of {self.name} follows it and nothing else; columns that are "
-                f"followed so: {listed}"
-            )
-        low, high = self.conditions.get(name, (-np.inf, np.inf))
-        if not low <= value <= high:
-            raise InputError(
-                f"{name} = {value:.6g}: the model was measured from {low:.6g} to {high:.6g}"
-            )
+            if name not in known.values():
+                listed = ", ".join(sorted({*known.values()} - {""})) or "none"
+                raise InputError(
+                    f"{name}: no effect of {self.name} follows it and nothing else; columns that "
+                    f"are followed so: {listed}"
+                )
+            low, high = self.conditions.get(name, (-np.inf, np.inf))
+            if not low <= value <= high:
+                raise InputError(
+                    f"{name} = {value:.6g}: the model was measured from {low:.6g} to {high:.6g}"
+                )
+        fixed = {id: {name: columns[name]} for id, name in known.items() if name in columns}
         effects = tuple(
-            replace(item, effect=AtColumns(item.effect, {name: value}))
-            if known[item.id] == name
-            else item
-            for item in self.effects
+            replace(one, effect=AtColumns(one.effect, fixed[one.id])) if one.id in fixed else one
+            for one in self.effects
         )
         return self._changed(effects=effects)
 
