@@ -122,9 +122,11 @@ def test_an_effect_that_opensim_cannot_hold_is_refused_as_by_other_targets(tmp_p
         export(model, "opensim", tmp_path)
     assert found.value.remedy is not None
     assert found.value.remedy.force
+    middle = float(f"{sum(model.conditions['temperature_degC']) / 2.0:.6g}")
     assert found.value.remedy.command == (
-        "ecm refit MODEL DATA --remove temperature_modulus --out without.json"
+        f"ecm export MODEL --to opensim --out OUT --name ecm_model --at temperature_degC={middle}"
     )
+    assert export(model.at({"temperature_degC": middle}), "opensim", tmp_path / "warm").lost == {}
     # C has steps, of energies: the effect that counts is kept by another base, and not thrown away.
     with pytest.raises(InputError, match="steps need an energy") as found:
         export(fit_model(table, "cubic").add("temperature_modulus").fit(table), "c", tmp_path)

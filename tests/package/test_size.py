@@ -12,12 +12,12 @@ LIMITS = {
     "python/ecm": (43_746, 203),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (34_896, 238),
+    "tests": (34_898, 238),
     "crates": (34_513, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-effects of recorded columns exported at a fixed value (90 lines of Python), a skewed body told from a
-sensor that mixes axes (45), and the base of the names where a model cannot take them; a test of
+effects of recorded columns exported at a fixed value (90 lines of Python), a skewed body told from
+a sensor that mixes axes (45), and the base of the names where a model cannot take them; a test of
 each."""
 
 
