@@ -102,9 +102,10 @@ class ReferenceModels:
         is_noise = not self.missing and (self.own is None or self.own <= NEAR_NOISE)
         if self.outdone and not is_noise:
             return "Each of these errs far more than the model: they do not tell what it lacks."
+        if not shares and is_noise:
+            return "What is left is noise: no family of effects stands out."
         if not shares:
-            known = "What is left is noise: no" if is_noise else "No"
-            return f"{known} family of effects stands out."
+            return "No family of effects stands out."
         best = max(shares, key=shares.__getitem__)
         text = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
         rest = [f"{v:.0%} to {_FAMILIES[k]}" for k, v in shares.items() if k != best and v > 0.15]

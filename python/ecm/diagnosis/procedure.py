@@ -530,15 +530,11 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
         if chances.nothing_is_likeliest:
             return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
         if chances.of_effects >= 1.0 - SURE:
-            fallen = _outweighed(decision)
+            fallen = _without_outweighed(decision)
             if fallen is None:
                 return decision
-            item, chances = fallen
-            place, kept = accepted.effects.index(item), without(accepted.effects, item)
-            classes = accepted.classes[:place] + accepted.classes[place + 1 :]
-            accepted = Accepted(kept, classes, accepted.checks, problem.fit_with(kept))
-            rest = leftover(problem, decision.gate, kept)
-            decision = replace(decision, accepted=accepted, left=rest)
+            decision, chances = fallen
+            accepted = decision.accepted
         left = residual_after(problem, accepted.effects)
         unknown = describe(problem, left, accepted.effects, decision.gate.structure)
         decision = replace(decision, verdict="unknown", unknown=unknown)
@@ -554,16 +550,22 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     return replace(said, family=replace(family, probability=probability(said)))
 
 
-def _outweighed(decision: Decision) -> tuple[Candidate, Posterior] | None:
-    """Return the effect of several that all else outweighs beside the others; None of none."""
-    problem, effects = decision.problem, decision.accepted.effects
-    for item in effects if len(effects) > 1 else ():
-        others = without(effects, item)
+def _without_outweighed(decision: Decision) -> tuple[Decision, Posterior] | None:
+    """Return the decision without the effect of several that all else outweighs beside the others.
+
+    None where there is no such effect; else also what is in its place.
+    """
+    problem, accepted = decision.problem, decision.accepted
+    for place, item in enumerate(accepted.effects if len(accepted.effects) > 1 else ()):
+        others = without(accepted.effects, item)
         # Of what the others explain their forms may leave a part, as those of the model's may.
         there = replace(problem, held=problem.held + delta_chi2(problem, others))
         chances = posterior(there, (item,), others)
         if chances.of_effects < 1.0 - SURE:
-            return item, chances
+            classes = accepted.classes[:place] + accepted.classes[place + 1 :]
+            kept = Accepted(others, classes, accepted.checks, problem.fit_with(others))
+            rest = leftover(problem, decision.gate, others)
+            return replace(decision, accepted=kept, left=rest), chances
     return None
 
 
@@ -577,16 +579,19 @@ def _against_the_bases(
     if decision.verdict != "none":
         said, first = decision.statement, decision.problem
         most = EQUAL**0.5 * said.error_after if said else _BESIDE_NAMES * _error_left(decision)
+        asked = set()
         for other in less_symmetric_energies(decision, whole_map(model.base)):
             again = against(other)
+            symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
+            asked.add(symmetry)
             # As the error of another reading of the table: over the noise of its own base.
             left = _error_left(again, None if said else first)
             if left < most:
                 or_else = (f"or {said.sentence()}",) if said else ()
-                symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
                 decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
                 most = _BESIDE_NAMES * left
-        decision = _without_symmetry(decision, against)
+        if "general" not in asked:
+            decision = _without_symmetry(decision, against)
         richer = richer_polynomial(decision)
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)

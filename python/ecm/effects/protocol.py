@@ -20,7 +20,6 @@ import numpy as np
 
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import POSE, WRENCH, actuation_columns
-from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.regression.rows import BodyChange, Rows, UnknownLength
 
@@ -344,7 +343,7 @@ class AtColumns(Effect):
     Parameters
     ----------
     effect
-        An effect that `follows` these columns and nothing else beside pose and wrench.
+        An effect that needs these columns and nothing else beside pose and wrench.
     columns
         Their values by name.
     """
@@ -375,26 +374,6 @@ class AtColumns(Effect):
         return table.with_columns(
             {name: np.full(len(table), value) for name, value in self._columns.items()}
         )
-
-
-def followed(effect: Effect, length_m: float | None = None) -> str:
-    """Return the column that an effect follows beside pose and wrench; empty where not just one.
-
-    Examples
-    --------
-    >>> from ecm.effects import get_effect
-    >>> followed(get_effect("temperature_modulus")), followed(get_effect("hysteresis"))
-    ('temperature_degC', '')
-    """
-    ramp = np.linspace(0.0, 1.0, _ROWS)
-    known = {} if length_m is None else {"length_m": length_m}
-    names = dict.fromkeys((*POSE, *WRENCH), ramp)
-    table = Table({**names, "time_s": 0.0 * ramp}, Meta(mechanism=known), "columns")
-    lacking = effect.missing(table)
-    if lacking is None or not lacking.absent:
-        return ""
-    there = effect.missing(table.with_columns({lacking.record: ramp})) is None
-    return lacking.record if there else ""
 
 
 class TimedEffect(LinearEffect):

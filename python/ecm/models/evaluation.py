@@ -296,6 +296,17 @@ class EvaluatedModel:
         lacking = {item.id: item.effect.missing(filled) for item in self.effects}
         return {id: why for id, why in lacking.items() if why is not None and why.absent}
 
+    @property
+    def followed(self) -> dict[str, str]:
+        """The column that an effect needs beside pose and wrench, by id, where it is just one."""
+        rows = self.rows_at(np.zeros((1, len(taken_by(self.base)))))
+        bare = rows.table.with_columns({"time_s": [0.0]})
+        return {
+            id: why.record
+            for id, why in self.left_out(bare).items()
+            if id not in self.left_out(bare.with_columns({why.record: [0.0]}))
+        }
+
     def predict_sd(self, data: TableLike | F) -> F | None:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
         if self.covariance is None:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ecm.effects import Effect, effects_for, get_effect
-from ecm.effects.protocol import AtColumns, followed, missing_beside_columns
+from ecm.effects.protocol import AtColumns, missing_beside_columns
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arguments import check_arguments
 from ecm.io.arrays import B, F, rms
@@ -272,10 +272,10 @@ class Model(Shown, EvaluatedModel):
         >>> model.at({"temperature_degC": 25.0}).stiffness(np.array([0.001])).round(1)
         array([[2850.]])
         """
-        known = {item.id: followed(item.effect, self.known_length_m) for item in self.effects}
+        known = self.followed
         for name, value in columns.items():
             if name not in known.values():
-                listed = ", ".join(sorted({*known.values()} - {""})) or "none"
+                listed = ", ".join(sorted({*known.values()})) or "none"
                 raise InputError(
                     f"{name}: no effect of {self.name} follows it and nothing else; columns that "
                     f"are followed so: {listed}"

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from ecm.effects.protocol import AtColumns, followed
+from ecm.effects.protocol import AtColumns
 from ecm.errors import InputError, Remedy
 from ecm.io.arguments import check_arguments, path_of
 from ecm.io.arrays import F
@@ -386,8 +386,7 @@ def _at_columns(model: Model, exported: Exported, again: str) -> Remedy | None:
 
     The value is the middle of those that were measured.
     """
-    lost = [item.effect for item in model.effects if item.id in exported.lost]
-    names = [followed(effect, model.known_length_m) for effect in lost]
+    names = [model.followed.get(id, "") for id in exported.lost]
     if actuators_of(model.base) or not set(names) <= model.conditions.keys():
         return None
     middles = {name: sum(model.conditions[name]) / 2.0 for name in names}
