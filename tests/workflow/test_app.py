@@ -155,6 +155,8 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(
 
     added = state["model"]
     assert user.post("/api/undo", json={}).json()["model"] != added
+    late = user.get(f"/api/view/residuals?of={state['data'][0]['file']},{added}")
+    assert len(late.json()["row"]) == 24  # asked for before the undo, answered after it
     assert user.post("/api/redo", json={}).json()["model"] == added
     frozen = user.step("refit", freeze=["fts_drift"])["fit"]["effects"]
     assert [(effect["id"], effect["frozen"]) for effect in frozen] == [("fts_drift", True)]

@@ -315,17 +315,15 @@ class _Routes:
             return _json({"error": f"no view; there are {', '.join(VIEWS)}"}, 404)
         history, files = self.app.session.now()
         data = files.dropped[:1] if name == "log" else files.data
-        if not data or (name in NEED_MODEL and files.model is None):
+        model, wanted = None, request.query_params.get("of")
+        if name in NEED_MODEL:  # an undo may be a moment old: any model of these data is shown
+            models = {",".join([*data, model_of(step)]): model_of(step)
+                      for step in fits_of(history.steps.values(), files)}  # fmt: skip
+            model = files.model if wanted is None else models.get(wanted, files.model)
+        if not data or (name in NEED_MODEL and model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
-        models = [model_of(step) for step in fits_of(history, files)] if name in NEED_MODEL else []
-        model = files.model if name in NEED_MODEL else None
-        wanted = request.query_params.get("of")
-        if wanted is not None:  # of the model of now, or of one of before
-            named = {",".join([*data, *([] if one is None else [one])]): one
-                     for one in [*models, model]}  # fmt: skip
-            if wanted not in named:
-                raise Busy("the session has changed in the meantime")
-            model = named[wanted]
+        if wanted not in (None, ",".join([*data, *([] if model is None else [model])])):
+            raise Busy("the session has changed in the meantime")
         skip = files.skip_bad_rows and name != "log"
         path = await asyncio.to_thread(self.app.views.file, name, data, model, skip_bad_rows=skip)
         return _file(path)

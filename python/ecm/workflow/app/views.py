@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import shlex
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -293,7 +293,7 @@ def state_of(session: Session, history: History | None = None) -> dict[str, Any]
     check = history.last("check", data=files.data)
     model = history.last("fit", "refit", data=files.data)
     of_model = {"data": files.data, "model": files.model}
-    tried = fits_of(history, files)
+    tried = fits_of([history.steps[number] for number in history.active], files)
     return {
         "schema": 1,
         "version": history.records,
@@ -329,10 +329,10 @@ def _import_of(history: History, files: Files) -> Step | None:
     return step if step is not None and step.outputs[0] in files.data else None
 
 
-def fits_of(history: History, files: Files) -> list[Step]:
-    """Return the fits of these data that count, of all bases."""
-    steps = [history.steps[number] for number in history.active]
-    return [s for s in steps if s.verb in ("fit", "refit") and s.inputs["data"] == files.data]
+def fits_of(steps: Iterable[Step], files: Files) -> list[Step]:
+    """Return the fits of these data, of all bases, that ended well."""
+    fits = [step for step in steps if step.verb in ("fit", "refit") and step.status == "done"]
+    return [step for step in fits if step.inputs["data"] == files.data]
 
 
 def _rungs(tried: list[Step]) -> list[Step]:
