@@ -26,7 +26,7 @@ from ecm.io.table import Table
 from ecm.models import fit_model
 from ecm.rig import Campaign, Hidden, RigSettings
 from ecm.rig.elastic import SolvedPoses
-from ecm.rig.hidden.inject import CannotHide
+from ecm.rig.inject import CannotHide
 from ecm.rig.plan import rest_pose
 
 BODIES = 18

@@ -52,7 +52,7 @@ _NAMES = {
     "models.prediction": ("predict",),
     "models.refit": ("refit",),
     "models.selection": ("cross_validate",),
-    "rig.hidden.truth": ("reveal",),
+    "rig.truth": ("reveal",),
     "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),
     "workflow.app.server": ("serve",),

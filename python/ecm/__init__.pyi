@@ -46,9 +46,9 @@ from ecm.models.polynomial import PolynomialModel as PolynomialModel
 from ecm.models.prediction import predict as predict
 from ecm.models.refit import refit as refit
 from ecm.models.selection import cross_validate as cross_validate
-from ecm.rig.hidden.truth import reveal as reveal
 from ecm.rig.run import run_campaign as run_campaign
 from ecm.rig.settings import RigSettings as RigSettings
+from ecm.rig.truth import reveal as reveal
 from ecm.workflow.app.server import serve as serve
 from ecm.workflow.design import PlannedDesign as PlannedDesign
 from ecm.workflow.design import design as design

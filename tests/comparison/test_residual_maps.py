@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ecm.comparison import ResidualMaps, compare
-from ecm.comparison.residual_figures import (
+from ecm.comparison.residual_maps import (
     residual_figure,
     signature_figure,
     stiffness_figure,

@@ -33,7 +33,7 @@ from ecm.models import (
     PolynomialModel,
 )
 from ecm.models.maps import EnergyTerms
-from ecm.rig.hidden.truth import Revealed
+from ecm.rig.truth import Revealed
 from support.campaigns import campaign, model
 from support.neck import ROOT
 

@@ -22,7 +22,7 @@ from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.mechanism import NonElasticWrench
 from ecm.rig.arm.procedure import SimulatedArm
 from ecm.rig.arm.trips import TripResult
-from ecm.rig.hidden.inject import Whitener
+from ecm.rig.inject import Whitener
 from ecm.rig.plant import row_covariance
 from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT

@@ -13,7 +13,7 @@ import pytest
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, run_campaign
-from ecm.rig.hidden.inject import whitener_of
+from ecm.rig.inject import whitener_of
 from ecm.rig.plant import residual
 from ecm.rig.readings import BESIDE, Journal
 from support.stand_in import StandIn, Stop, error_of, plan_of, some_poses, stop_at

@@ -15,7 +15,7 @@ from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, POSE_OFFSETS
 from ecm.io.table import Table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
-from ecm.rig.hidden.inject import whitener_of
+from ecm.rig.inject import whitener_of
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.material import Ageing
 from ecm.rig.physics.supply import Slip

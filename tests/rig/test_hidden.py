@@ -14,7 +14,7 @@ from ecm.errors import InputError
 from ecm.io.se3 import rotate, rotation
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.hidden.inject import measure, whitener_of
+from ecm.rig.inject import measure, whitener_of
 from ecm.rig.physics import TRUE_EFFECTS, Conditions, TrueEffect
 from ecm.rig.physics.body import PlatformSlip
 from ecm.rig.physics.camera import MarkerMotion
@@ -135,7 +135,7 @@ def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
 
 def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: TRUE_EFFECTS[name] for name in ("stress_relaxation", "payload", "fts_offset")}
-    monkeypatch.setattr("ecm.rig.hidden.truth.TRUE_EFFECTS", few)
+    monkeypatch.setattr("ecm.rig.truth.TRUE_EFFECTS", few)
     drawn = []
     for seed in range(12):
         campaign = Campaign(
@@ -146,7 +146,7 @@ def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPat
         assert [e["id"] for e in again] == [campaign.injected[0].truth.effect]
     assert set(drawn) == {"payload", "fts_offset"}
     only = {"stress_relaxation": TRUE_EFFECTS["stress_relaxation"]}
-    monkeypatch.setattr("ecm.rig.hidden.truth.TRUE_EFFECTS", only)
+    monkeypatch.setattr("ecm.rig.truth.TRUE_EFFECTS", only)
     with pytest.raises(InputError, match=r"random=3: .*none of 1 effects at s = 3.*diagnosable"):
         Campaign(one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"))
 

@@ -16,7 +16,7 @@ from ecm.io.se3 import rotation, turn_wrench
 from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Smooth, SolvedPoses
-from ecm.rig.hidden.inject import Whitener
+from ecm.rig.inject import Whitener
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
@@ -269,7 +269,7 @@ def test_a_skew_that_is_absurd_is_refused_with_what_would_show_it() -> None:
 
 def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: TRUE_EFFECTS[name] for name in ("payload", "time_skew")}
-    monkeypatch.setattr("ecm.rig.hidden.truth.TRUE_EFFECTS", few)
+    monkeypatch.setattr("ecm.rig.truth.TRUE_EFFECTS", few)
     drawn: dict[bool, set[str]] = {True: set(), False: set()}
     for streamed in (True, False):
         settings = STREAM if streamed else RigSettings()

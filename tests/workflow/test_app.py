@@ -33,7 +33,7 @@ from ecm.cli.jobs import paced
 from ecm.errors import InputError
 from ecm.io.events import live_path
 from ecm.io.table import read_table
-from ecm.rig.hidden.truth import sealed, sha256
+from ecm.rig.truth import sealed, sha256
 from ecm.workflow.app.copying import report_of
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.server import App, application, begin, serve

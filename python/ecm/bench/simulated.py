@@ -23,11 +23,11 @@ from ecm.errors import EcmError, InputError
 from ecm.io.settings import read_toml
 from ecm.io.table import read_table
 from ecm.rig.campaign import Campaign
-from ecm.rig.hidden.truth import Hidden
 from ecm.rig.plan import POSE
 from ecm.rig.readings import Reading
 from ecm.rig.run import fem_source
 from ecm.rig.settings import RigSettings
+from ecm.rig.truth import Hidden
 
 _PAUSE_S = 1e-3
 """Seconds of the simulated clock between a visit and a reading at rest that is made again."""

@@ -16,8 +16,14 @@ from ecm.comparison.reference_models import (
     ReferenceModels,
     fit_reference_models,
 )
-from ecm.comparison.residual_figures import LINK, residual_figure, residual_section
-from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
+from ecm.comparison.residual_maps import (
+    LINK,
+    WORST,
+    ResidualMaps,
+    residual_figure,
+    residual_maps_of,
+    residual_section,
+)
 from ecm.comparison.structure import (
     StructureTest,
     neighbours_alike,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.comparison.residual_figures import residual_figure, residual_section
+from ecm.comparison.residual_maps import residual_figure, residual_section
 from ecm.comparison.result import Comparison, workspace_blocks
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import with_shape

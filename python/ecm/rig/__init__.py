@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import SolvedPoses, Source
-from ecm.rig.hidden.truth import Hidden, Revealed, reveal, score
 from ecm.rig.run import CampaignOptions, campaign_minutes, fem_source, run_campaign, run_campaigns
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
+from ecm.rig.truth import Hidden, Revealed, reveal, score
 
 rig_from_dict = RigSettings.from_dict
 

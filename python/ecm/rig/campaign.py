@@ -17,6 +17,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.se3 import displaced
 from ecm.io.table import Table
+from ecm.rig import truth
 from ecm.rig.calibration import calibrated
 from ecm.rig.elastic import (
     UNIFORM,
@@ -30,9 +31,7 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
-from ecm.rig.hidden import truth
-from ecm.rig.hidden.inject import CannotHide, InjectedEffect, inject
-from ecm.rig.hidden.truth import NOTHING, Hidden
+from ecm.rig.inject import CannotHide, InjectedEffect, inject
 from ecm.rig.instruments import ForceTorqueSensor
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.sensor import SensorWarmUp
@@ -53,6 +52,7 @@ from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import CampaignState, Reading, table_of
 from ecm.rig.settings import PlantTable, RigSettings
 from ecm.rig.timeline import Climate, Layout, stream, timeline_of
+from ecm.rig.truth import NOTHING, Hidden
 
 
 class Campaign(CampaignState):

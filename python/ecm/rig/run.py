@@ -26,11 +26,10 @@ from ecm.io.events import tell
 from ecm.io.extras import dask_client, dask_completed, require_pyarrow, write_parquet
 from ecm.io.mesh import mesh_bytes
 from ecm.io.table import Table, read_table
+from ecm.rig import truth
 from ecm.rig.arm.trips import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import FemSource, Progress, Source
-from ecm.rig.hidden import truth
-from ecm.rig.hidden.truth import NOTHING, Hidden
 from ecm.rig.plan import requests, split_by_limits, tell_begun
 from ecm.rig.readings import (
     HEADER,
@@ -44,6 +43,7 @@ from ecm.rig.readings import (
 )
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
+from ecm.rig.truth import NOTHING, Hidden
 
 _NO_STREAM = (
     "[rig] stream_Hz: the raw stream is stored beside a table on disk only; give `out`, or ask "

@@ -16,7 +16,7 @@ import numpy as np
 
 from ecm.errors import InputError, Remedy
 from ecm.io.settings import Checked, check_keys, read_sections, read_settings, setting
-from ecm.rig.hidden.truth import Hidden
+from ecm.rig.truth import Hidden
 
 
 @dataclass(frozen=True)

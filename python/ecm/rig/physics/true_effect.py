@@ -166,7 +166,7 @@ class Limit:
     """The largest size that something real could have, and what would show the effect better."""
 
     share: float
-    """In shares of the unit's measure (`ecm.rig.hidden.inject.measure`)."""
+    """In shares of the unit's measure (`ecm.rig.inject.measure`)."""
     remedy: str
     """What to plan instead of a larger size."""
 

@@ -22,7 +22,6 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F, rms
 from ecm.io.se3 import rotation, transpose, turn_wrench
-from ecm.rig.hidden.truth import Hidden
 from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.true_effect import RigScale, Supply, TrueEffect, metric_root
 from ecm.rig.plan import rest_pose
@@ -30,6 +29,7 @@ from ecm.rig.plant import Plant, residual, row_covariance
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.readings import CampaignState
 from ecm.rig.timeline import stream
+from ecm.rig.truth import Hidden
 
 _ROUNDS = 12
 _ENOUGH = 1e-6

@@ -47,7 +47,7 @@ class Hidden:
     shape: tuple[tuple[str, Any], ...] = ()
     """Parameters of the plant, where the effect is that of an earlier campaign."""
     plausible: bool = field(default=False, compare=False)
-    """Refused where its size is beyond `ecm.rig.hidden.inject`, as all that `parse` reads is."""
+    """Refused where its size is beyond `ecm.rig.inject`, as all that `parse` reads is."""
 
     @staticmethod
     def parse(text: str) -> tuple[Hidden, ...]:

@@ -1,1 +1,0 @@
-"""Effects hidden in the simulated rig: what, how large, and the sealed truth."""
