@@ -51,6 +51,31 @@ def test_a_jump_is_found_with_its_moment_and_its_size(
     assert size["value"] == pytest.approx(value, abs=3.0 * size["sd"])
 
 
+def steep_hinge(width_rad: float) -> ecm.Table:
+    """A hinge whose torque turns over within a part of its range: no polynomial holds it well."""
+    random = np.random.default_rng(2)
+    angle = random.uniform(-0.5, 0.5, 120)
+    torque = 2.0 * angle + 1.5 * np.tanh(angle / width_rad) + 0.01 * random.standard_normal(120)
+    noise = {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-5}
+    columns = {"theta_z_rad": angle, "tau_z_Nm": torque, "time_s": 20.0 * np.arange(120)}
+    return ecm.as_table(columns, meta={"instrument": noise})
+
+
+@pytest.mark.parametrize(
+    ("width_rad", "given", "best"), [(0.1, "cubic", 9), (0.18, "poly:7", 9), (0.25, "poly:5", 7)]
+)
+def test_a_law_of_more_terms_is_fitted_with_more_terms(
+    width_rad: float, given: str, best: int
+) -> None:
+    """Where a richer polynomial errs far less, neither noise nor an unknown effect is to blame."""
+    table = steep_hinge(width_rad)
+    found = ecm.diagnose(ecm.fit(table, given), table)
+    assert found.verdict == ("unknown" if width_rad == 0.1 else "none")
+    assert found.model.answer == "form"
+    assert found.summary().add == f'better = ecm.fit(table, "poly:{best}")'
+    assert ecm.diagnose(ecm.fit(table, f"poly:{best}"), table).model.answer != "form"
+
+
 def test_an_experiment_comes_before_the_length_of_one_axis() -> None:
     """Of one axis the length brings thermal expansion, which is not what is missing."""
     joint = one_angle("hysteresis")

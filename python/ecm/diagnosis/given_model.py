@@ -320,7 +320,7 @@ class _Judged:
         result = self.result
         answer, statement = self.with_table(self.answer)
         again, effects = None, None
-        if self.missing:
+        if self.missing or answer == "form":
             # The base is the same fit where it is of the same form and no row counts less in it.
             same = self.is_form_of_base and self.reason != "rows"
             again, effects = self.base if same else self.refitted, self.of_fit(self.fits[1])
@@ -374,8 +374,15 @@ class _Judged:
         """The answer where nothing in the residual of the model says more."""
         if self.far_off:
             return "noise" if self.decision.verdict == "none" else "effect"
-        beyond = (self.given.over_noise or 0.0) > NEAR_NOISE and self.result.excess_low > 0.0
-        return "noise" if beyond else "fits"
+        if not self.beyond_noise:
+            return "fits"
+        return "form" if self.is_behind_base and self.base_explains_most else "noise"
+
+    @property
+    def base_explains_most(self) -> bool:
+        """Whether the base takes most of what its kind leaves beyond the noise: no noise does."""
+        own, other = (one.over_noise if one else None for one in (self.refitted, self.base))
+        return own is not None and other is not None and other**2 - 1.0 < 0.5 * (own**2 - 1.0)
 
     @cached_property
     def reason(self) -> Reason:
@@ -425,6 +432,11 @@ class _Judged:
         """Whether it errs more than a noise that was stated half as large."""
         return (self.given.over_noise or 0.0) > FAR_BEYOND_NOISE
 
+    @property
+    def beyond_noise(self) -> bool:
+        """Whether it errs more than the noise, by more than chance."""
+        return (self.given.over_noise or 0.0) > NEAR_NOISE and self.result.excess_low > 0.0
+
     @cached_property
     def shown(self) -> bool:
         """Whether its residual shows more than noise; the comparison fits a base of its own."""
@@ -435,7 +447,7 @@ class _Judged:
         """Its kind fitted to the rows, alone and with the accepted effects; None if not tried."""
         accepted = [item.effect for item in self.decision.accepted.effects]
         tried = bool(accepted) and self.is_alike
-        if self.is_base or not (self.shown or tried):
+        if self.is_base or not (self.shown or tried or self.beyond_noise):
             return None, None
         noise = self.result.noise
         again = refit_of_kind(self.model.base, self.decision.prepared.unexplained, noise)

@@ -26,6 +26,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.accept import Accepted, accept
 from ecm.diagnosis.family import SURE, Posterior, find_family, posterior
 from ecm.diagnosis.left_over import (
@@ -80,6 +81,7 @@ from ecm.models.fit import (
     choose_base,
     energy_with,
     fit_base,
+    more_degrees,
     one_degree_less,
     symmetric_energy,
 )
@@ -472,7 +474,8 @@ def find_missing(
     alike for some rows, effects count that explain more than they would of such noise. Where none
     does, or without a time, as many rows are asked as would be independent; where these still lack
     something, slow noise is said in place of a name. Where nothing is said of a base that errs far
-    on held-out rows, one of a degree less is asked.
+    on held-out rows, one of a degree less is asked; where a polynomial lacks a form of the pose,
+    or errs beyond the noise, one of more degrees that lowers the BIC.
 
     Examples
     --------
@@ -503,9 +506,19 @@ def find_missing(
     decision = of_rows(settings)
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
-    problem = decision.problem
-    alone = held_out_rms(problem, ()) if decision.verdict == "none" else 0.0
-    poorer = one_degree_less(problem.base, problem.table) if alone > FAR_BEYOND_NOISE else None
+    problem, nothing = decision.problem, decision.verdict == "none"
+    of_pose = decision.unknown is not None and decision.unknown.variables == ("pose",)
+    alone = held_out_rms(problem, ()) if nothing or of_pose else 0.0
+    richer = more_degrees(problem.base, problem.table) if alone > NEAR_NOISE else None
+    if richer is not None and _lower_bic(problem, richer, _error_of(problem, richer)):
+        again = _with_family(beside(decision.prepared, settings, None, richer), stages.describe)
+        # Effects imitate the rest of a form that is still too plain.
+        plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE
+        better = held_out_rms(again.problem, ()) < alone and not plain
+        return again if better and (of_pose or again.verdict == "none") else decision
+    poorer = None
+    if nothing and alone > FAR_BEYOND_NOISE:
+        poorer = one_degree_less(problem.base, problem.table)
     if poorer is None:
         return decision
     again = _with_family(beside(decision.prepared, settings, None, poorer), stages.describe)

@@ -373,7 +373,8 @@ def _of_unknown(unknown: Mapping[str, Any]) -> Iterator[str]:
     if unknown.get("variables") == ["run"]:
         yield "record in a column what was set or changed between the runs: a pressure, a weight"
     elif unknown.get("variables") == ["pose"]:
-        yield "measure more poses where it errs most, and fit a model of more terms"
+        terms = "fit a model of more terms, or a smaller range"
+        yield f"measure more poses where it errs most, and {terms}"
     elif unknown.get("variables", [])[:1] == ["row"]:
         yield "measure the same poses in another order, and record the time in time_s"
     elif unknown.get("variables"):

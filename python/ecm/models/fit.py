@@ -6,6 +6,7 @@ Among that is a function, an expression, and a table of predicted wrenches.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from ecm.errors import ComputationError, InputError, ModelError, Remedy
 from ecm.io.arrays import F, evenly, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
+from ecm.io.settings import MOST_OF_ONE_INPUT
 from ecm.io.table import Table, as_table
 from ecm.models.actuated import ActuatedMap, ActuatedModel, exchanged
 from ecm.models.energy import EnergyModel
@@ -323,6 +325,16 @@ def one_degree_less(base: StiffnessMap, table: Table) -> StiffnessMap | None:
         return _by_degree(table, [EnergyModel(whole.terms.degree - 1, whole.terms.symmetry)])
     if isinstance(whole, PolynomialMap) and whole.model.degree > _POLYNOMIAL[0]:
         return _by_degree(table, [PolynomialModel(whole.model.degree - 1)])
+    return None
+
+
+def more_degrees(base: StiffnessMap, table: Table) -> StiffnessMap | None:
+    """The polynomial of the best degree above that of a base; None where the rows hold none."""
+    whole = whole_map(base)
+    own = whole.model.degree if isinstance(whole, PolynomialMap) else MOST_OF_ONE_INPUT
+    models = [PolynomialModel(degree) for degree in range(own + 1, MOST_OF_ONE_INPUT + 1)]
+    with suppress(ModelError, InputError):  # fewer rows than coefficients
+        return _by_degree(table, models) if models else None
     return None
 
 
