@@ -16,7 +16,7 @@ from ecm.effects import Rows
 from ecm.errors import InputError
 from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
-from ecm.io.table import Table
+from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import estimate_noise, nuisance_columns
 from ecm.regression.folds import folds, repeat_cells, row_groups, without_zero_readings
@@ -152,6 +152,45 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     assert table.text("kind")[worst[0]["row"] - 1] == "pose"
     lengths = np.sqrt((wrong.whitened**2).mean(axis=1))
     assert worst[0]["row"] - 1 == wrong.row[lengths.argmax()]
+
+
+def cubic_joint(rows: int, seed: int, *, drift: float = 0.0, scale: float = 1.0) -> Table:
+    """Three angles and torques of a law that a cubic holds."""
+    random = np.random.default_rng(seed)
+    q, time_s = random.uniform(-1.0, 1.0, (rows, 3)), 20.0 * np.arange(rows)
+    torque = scale * (
+        q @ np.array([[3.0, 0.5, 0.2], [0.5, 2.0, 0.3], [0.2, 0.3, 4.0]]) + 0.3 * q**3
+    )
+    torque += 0.01 * random.standard_normal(q.shape)
+    torque[:, 0] += drift * time_s
+    columns = {f"theta_{axis}_rad": 0.3 * q[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"tau_{axis}_Nm": torque[:, i] for i, axis in enumerate("xyz")}
+    noise = {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-7}
+    return as_table(columns | {"time_s": time_s}, meta={"instrument": noise})
+
+
+def test_on_fresh_rows_the_coefficients_of_a_right_model_err_and_nothing_is_missing() -> None:
+    """What they err follows the pose: without them 29 of these 30 lack something."""
+    found = [
+        compare(fit_model(cubic_joint(45, seed), "cubic"), cubic_joint(150, 500 + seed))
+        for seed in range(30)
+    ]
+    assert sum(result.missing for result in found) <= 2
+    assert np.median([result.whitened_rms for result in found]) > 1.4
+    said = [result.sentence() for result in found if not result.missing]
+    assert all(
+        "as much as its coefficients err on rows that it was not fitted to" in s for s in said
+    )
+
+
+@pytest.mark.parametrize("changed", [{"drift": 2e-5}, {"scale": 0.97}])
+def test_on_fresh_rows_what_changed_is_more_than_its_coefficients_err(
+    changed: dict[str, float],
+) -> None:
+    result = compare(fit_model(cubic_joint(60, 1), "cubic"), cubic_joint(150, 2, **changed))
+    assert result.missing
+    assert not result.is_as_known
+    assert "is not noise" in result.sentence()
 
 
 def test_lack_of_fit_points_at_the_component_that_misfits() -> None:

@@ -25,18 +25,20 @@ from ecm.comparison.residual_maps import (
     residual_section,
 )
 from ecm.comparison.structure import (
+    NEAR_NOISE,
     StructureTest,
+    beside_coefficients,
     neighbours_alike,
     nothing_follows,
     structure_test,
 )
 from ecm.errors import Remedy
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, rms
 from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.models.errors import residuals
+from ecm.models.errors import Residuals, residuals
 from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns
@@ -163,16 +165,29 @@ class Comparison(Shown):
     def structure(self) -> StructureTest:
         """Whether the residual holds more than chance; tested when it is asked for.
 
-        Coefficients that were fitted to these rows count.
+        Coefficients that were fitted to these rows count; on other rows they err.
         """
-        made = self.compared
-        rows = Rows(made.table.subsample(made.chosen), made.model.base)
-        errors = residuals(rows, made.predicted[made.chosen], self.noise, made.model.base.error)
-        rows, own = rows.quieted, None
+        made, (rows, errors), own = self.compared, self._errors(), None
+        rows = rows.quieted
         refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
         if refitted and fitted_here(made.model, made.table):
             own = errors.whitener @ base_columns(rows, made.model.base)
-        return structure_test(rows, errors.whitened, errors.whitener, fitted=own)
+        return structure_test(rows, self._beside_coefficients, errors.whitener, fitted=own)
+
+    def _errors(self) -> tuple[Rows, Residuals]:
+        made = self.compared
+        rows = Rows(made.table.subsample(made.chosen), made.model.base)
+        return rows, residuals(rows, made.predicted[made.chosen], self.noise, made.model.base.error)
+
+    @cached_property
+    def _beside_coefficients(self) -> F:
+        """(n, m) residual over the noise and, on other rows than its own, what coefficients err."""
+        made, (rows, errors) = self.compared, self._errors()
+        known = made.model.covariance
+        if known is None or fitted_here(made.model, made.table):
+            return errors.whitened
+        columns = errors.whitener @ base_columns(rows.quieted, made.model.base)
+        return beside_coefficients(errors.whitened, columns, known)
 
     @cached_property
     @one_blas_thread()
@@ -267,7 +282,10 @@ class Comparison(Shown):
             return f"{good}: its error is {times}."
         errs, behind = f"{self.model} errs {times}", self._error_of_base_ahead
         if not self.missing:
-            return f"{errs}, {nothing_follows(self.whitened_rms, self.neighbours_alike)}."
+            why = nothing_follows(self.whitened_rms, self.neighbours_alike)
+            if self.is_as_known and self.whitened_rms > NEAR_NOISE:
+                why = "as much as its coefficients err on rows that it was not fitted to"
+            return f"{errs}, {why}."
         if behind is not None:
             return (
                 f"{errs}, a base fitted to these rows {behind:.2f} times on held-out ones: "
@@ -303,6 +321,12 @@ class Comparison(Shown):
         """Correlation of the errors of rows that follow each other; None where it is chance."""
         return neighbours_alike(self.compared.table, self.row, self.whitened)
 
+    @property
+    def is_as_known(self) -> bool:
+        """Whether the error is noise and, on other rows than those of the fit, its coefficients."""
+        scored = self.compared.table.of_poses[self.compared.chosen]
+        return rms(self._beside_coefficients[scored]) <= NEAR_NOISE
+
     @cached_property
     def _error_of_base_ahead(self) -> float | None:
         """Error over the noise of a base that leaves the model far behind; None where none does.
@@ -310,7 +334,7 @@ class Comparison(Shown):
         Fitted only where the model errs far beyond the noise and no test sees why.
         """
         known = not self.noise.is_residual and self.whitened_rms > FAR_BEYOND_NOISE
-        if self.structure.found or not known:
+        if self.structure.found or self.is_as_known or not known:
             return None
         made = self.compared
         base = base_and_error(made.model, made.table.subsample(made.chosen), self.noise)

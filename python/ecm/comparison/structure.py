@@ -107,6 +107,32 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     return StructureTest(best.F, p, float(np.sqrt(beyond)))
 
 
+def beside_coefficients(whitened: F, columns: F, covariance: F) -> F:
+    """(N, m) residual on rows that coefficients were not fitted to, over noise and their errors.
+
+    Parameters
+    ----------
+    whitened
+        (N, m) residual over the noise alone.
+    columns
+        (N, m, k) whitened columns of the coefficients.
+    covariance
+        (k, k) of the coefficients, from the rows that they were fitted to.
+
+    Examples
+    --------
+    >>> beside_coefficients(np.array([[2.0]]), np.ones((1, 1, 1)), np.array([[3.0]]))
+    array([[1.]])
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    images = columns.reshape(-1, len(values)) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    squares, turn = np.linalg.eigh(images.T @ images)
+    root = np.sqrt(1.0 + np.maximum(squares, 0.0))  # of the covariance I + images images'
+    own = images @ turn
+    along = (own.T @ whitened.ravel()) / (root * (root + 1.0))
+    return np.asarray(whitened - (own @ along).reshape(whitened.shape))
+
+
 def _chance_in_slow_noise(log: Table, beside: Beside, scored: B) -> float:
     """Chance that columns make a residual likelier by so much, each in its likeliest noise.
 
