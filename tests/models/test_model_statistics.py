@@ -12,19 +12,22 @@ import pytest
 from ecm import _native
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import WRENCH
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table, as_table
 from ecm.models import (
     GROUPS,
     EnergyMap,
     Model,
     PolynomialModel,
     choose_model,
+    cross_validate,
     fit_model,
     learning_curve,
     load_model,
 )
 from ecm.models.fit import constrained
 from ecm.models.polynomial import press_rank, singular_threshold
+from ecm.regression.folds import split_words
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, exact_table, workspace_poses
 from support.neck import Command
@@ -256,6 +259,30 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     assert choose_model(table, cuts, folds=5).error.argmax() == 3
     with pytest.raises(InputError, match="no candidates"):
         choose_model(table, [])
+
+
+def test_rows_along_one_path_are_held_out_in_stretches() -> None:
+    """Between its neighbours a row of a path is told by many terms, which err far beside it."""
+
+    def path(seed: int) -> Table:
+        random, way = np.random.default_rng(seed), 2.0 * np.pi * np.arange(160) / 160
+        turns = np.array([4.1, 2.7, 6.3])
+        poses = 0.01 * np.sin(np.outer(way, turns) + random.uniform(0.0, 6.0, 3))
+        rubs = np.sign(np.diff(poses, axis=0, prepend=poses[:1]))
+        forces = 400.0 * poses + rubs + random.normal(0.0, 0.01, poses.shape)
+        columns = dict(zip((*POSE[:3], *WRENCH[:3]), np.hstack([poses, forces]).T, strict=True))
+        return as_table(columns | {"time_s": 1.5 * np.arange(160.0)})
+
+    table, fresh = path(1), path(2)
+    assert choose_model(table).best.name in ("poly:1", "poly:2")
+    wild = fit_model(table, "poly:6", force=True)
+    error = (wild.predict(fresh.matrix(POSE[:3])) - fresh.matrix(WRENCH[:3])).std(axis=0)
+    told = np.array(list(cross_validate(table, "poly:6").rmse.values()))
+    assert min(*error, *told) > 3.0
+    # Rows in any order lie between others.
+    mixed = table.select(np.random.default_rng(3).permutation(160)).drop("time_s")
+    assert split_words(table, 10) == "10 parts of stretches of rows, 12 a run"
+    assert split_words(mixed, 10) == "10 parts of rows"
 
 
 def test_an_energy_is_chosen_of_three_forces_as_well() -> None:

@@ -31,7 +31,7 @@ from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.folds import row_groups
+from ecm.regression.folds import groups_to_hold_out
 from ecm.regression.noise import declared_noise, whiteners
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import inputs_of
@@ -130,7 +130,7 @@ def cross_validate(
     specification, measured = parse_model(model), table.measured()
     if not measured.wrench_columns:
         raise InputError(f"{table.source}: no wrench column to predict; name one such as fx_N")
-    groups = row_groups(measured) if grouped else np.arange(len(measured), dtype=np.int64)
+    groups = groups_to_hold_out(measured) if grouped else np.arange(len(measured), dtype=np.int64)
     fold = random_folds(measured, groups, folds, seed)
     outputs = measured.wrench_columns
     truth = measured.matrix(outputs)
@@ -318,7 +318,7 @@ def choose_model(
     if not listed:
         raise InputError("choose_model: no candidates; give at least one model name")
     measured = table.measured()
-    fold = random_folds(measured, row_groups(measured), folds, seed)
+    fold = random_folds(measured, groups_to_hold_out(measured), folds, seed)
     whitener = _whitener(measured)
     error, spread, sizes = [], [], []
     parts = int(fold.max()) + 1
@@ -470,7 +470,7 @@ def learning_curve(
     (10, 20, 40)
     """
     specification, measured = parse_model(model), table.measured()
-    groups = row_groups(measured)
+    groups = groups_to_hold_out(measured)
     count = int(groups.max()) + 1
     tests = max(1, round(_TESTED * count))
     whitener = _whitener(measured)

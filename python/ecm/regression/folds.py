@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 from ecm.io.arrays import B, F, I, evenly
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.regression.history import order_of_visits
+from ecm.regression.history import goes_step_by_step, order_of_visits
 
 
 def is_zero(table: Table) -> B:
@@ -78,6 +78,26 @@ def row_groups(table: Table) -> I:
     return _codes(groups)
 
 
+def groups_to_hold_out(table: Table) -> I:
+    """(N,) group of each row that is held out whole: `row_groups`, of one path its stretches.
+
+    Between its neighbours on a path a row is told by any smooth function of the way, such as that
+    of a polynomial of many terms, which errs by far beside the path.
+    """
+    return _stretches(table) if _is_one_path(table) else row_groups(table)
+
+
+def _is_one_path(table: Table) -> bool:
+    """Whether rows without groups go step by step through two coordinates or more."""
+    if table.continuous or table.has("pose_id") or any(map(table.has, table.meta.group)):
+        return False
+    inputs = (*table.pose_columns, *table.actuation_columns)
+    if np.count_nonzero(np.ptp(table.matrix(inputs), axis=0)) < 2:
+        return False  # a row of one coordinate lies between others, whatever the way
+    runs = [table.select(rows) for rows in order_of_visits(table)]
+    return all(goes_step_by_step(run, inputs) for run in runs)
+
+
 def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
     """Folds for an effect of this kind: by time for `pose`, else by pose; or run by run."""
     if table.continuous:
@@ -87,7 +107,7 @@ def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
 
 
 def split_words(table: Table, parts: int) -> str:
-    """Return in words how `row_groups` are divided into so many parts of held-out rows.
+    """Return in words how `groups_to_hold_out` are divided into so many parts of held-out rows.
 
     Examples
     --------
@@ -96,10 +116,12 @@ def split_words(table: Table, parts: int) -> str:
     >>> split_words(table, 10)
     '2 parts of poses, repeats together'
     """
-    groups = int(row_groups(table).max()) + 1
+    groups = int(groups_to_hold_out(table).max()) + 1
     what = "rows"
     if table.continuous:
         what = f"stretches of time, {_STRETCHES} a run"
+    elif _is_one_path(table):
+        what = f"stretches of rows, {_STRETCHES} a run"
     elif table.meta.group:
         what = f"groups by {', '.join(table.meta.group)}"
     elif table.has("pose_id"):

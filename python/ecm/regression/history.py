@@ -171,12 +171,16 @@ def has_order(table: Table) -> bool:
     Without time each of at least 20 poses must be near the one before, within a quarter of the
     range of each column; rows that were sorted go one way, or jump back.
     """
-    full = table.full
-    if full.has("time_s") or len(full) < _LEAST_WALK or not full.pose_columns:
-        return full.has("time_s")
-    poses = full.matrix(full.pose_columns)
-    spans = np.ptp(poses, axis=0)
-    steps = np.abs(np.diff(poses[:, spans > 0.0], axis=0)) / spans[spans > 0.0]
+    return table.full.has("time_s") or goes_step_by_step(table.full, table.full.pose_columns)
+
+
+def goes_step_by_step(table: Table, columns: Sequence[str]) -> bool:
+    """Whether each of at least 20 rows is near the one before, in columns that vary."""
+    if len(table) < _LEAST_WALK or not columns:
+        return False
+    values = table.matrix(columns)
+    spans = np.ptp(values, axis=0)
+    steps = np.abs(np.diff(values[:, spans > 0.0], axis=0)) / spans[spans > 0.0]
     return bool(steps.size and steps.max() <= _LONGEST_STEP)
 
 
