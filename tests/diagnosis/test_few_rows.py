@@ -253,6 +253,30 @@ def test_a_degree_that_takes_in_an_effect_is_too_many() -> None:
     assert found.problem.base.name == "energy5"
 
 
+def test_degrees_that_take_in_an_effect_along_a_path_are_left_out_one_by_one() -> None:
+    """Degrees 6 and 5 leave nothing of a relaxation on one path, and err by far beside it."""
+    random, way = np.random.default_rng(2), 2.0 * np.pi * np.arange(170) / 170
+    poses = 0.01 * np.sin(np.outer(way, [4.1, 2.7, 6.3]) + random.uniform(0.0, 6.0, 3))
+    law = 400.0 * poses + 3e6 * poses * (poses**2).sum(axis=1, keepdims=True)
+    lasting = np.exp(-1.5 / 8.0)
+    moved = 0.3 * np.sqrt(lasting) * np.diff(law, axis=0, prepend=law[:1])
+    for row in range(1, 170):
+        moved[row] += lasting * moved[row - 1]
+    read = law + moved + random.normal(0.0, 0.01, law.shape)
+    seen = poses + random.normal(0.0, 3e-6, poses.shape)
+    columns = dict(zip((*POSE[:3], *FORCES), np.hstack([seen, read]).T, strict=True))
+    stated = {"force_sd_N": 0.01, "pose_position_sd_m": 3e-6}
+    table = as_table(columns | {"time_s": 1.5 * np.arange(170.0)}, meta={"instrument": stated})
+    model = fit_model(table, "poly:6", force=True)
+    assert choose_base(model, table).name == "poly:6"
+    found = diagnose(model, table)
+    assert "stress_relaxation" in found.answer[0]
+    assert found.addition is not None
+    assert found.addition.base == "poly:4"
+    assert found.addition.remedy is not None
+    assert found.addition.remedy.command.startswith("ecm fit DATA --model poly:4 --add")
+
+
 def planar(poses: F, read: F, random: np.random.Generator, degrees: F) -> Table:
     """A planar table with the noise that is stated."""
     read = read + [0.05, 0.05, 0.001] * random.standard_normal(read.shape)

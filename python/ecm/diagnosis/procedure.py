@@ -474,8 +474,8 @@ def find_missing(
     alike for some rows, effects count that explain more than they would of such noise. Where none
     does, or without a time, as many rows are asked as would be independent; where these still lack
     something, slow noise is said in place of a name. Where nothing is said of a base that errs far
-    on held-out rows, one of a degree less is asked; where a polynomial lacks a form of the pose,
-    or errs beyond the noise, one of more degrees that lowers the BIC.
+    on held-out rows, those of lower degrees are asked, one after the other; where a polynomial
+    lacks a form of the pose, or errs beyond the noise, one of more degrees that lowers the BIC.
 
     Examples
     --------
@@ -519,13 +519,17 @@ def find_missing(
     poorer = None
     if nothing and alone > FAR_BEYOND_NOISE:
         poorer = one_degree_less(problem.base, problem.table)
-    if poorer is None:
-        return decision
-    again = _with_family(beside(decision.prepared, settings, None, poorer), stages.describe)
-    left = held_out_rms(again.problem, again.accepted.effects)
-    # What follows the pose alone may be what the degree holds.
-    other = any(item.effect.kind != "pose" for item in again.accepted.effects)
-    return again if again.answer and other and left < alone else decision
+    while poorer is not None:
+        again = _with_family(beside(decision.prepared, settings, None, poorer), stages.describe)
+        left = held_out_rms(again.problem, again.accepted.effects)
+        # What follows the pose alone may be what the degree holds.
+        other = any(item.effect.kind != "pose" for item in again.accepted.effects)
+        if again.answer and other and left < alone:
+            return again
+        # Of some degrees more than one may be too many, as of rows along one path.
+        goes_on = held_out_rms(again.problem, ()) < alone
+        poorer = one_degree_less(again.problem.base, problem.table) if goes_on else None
+    return decision
 
 
 def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:

@@ -612,7 +612,8 @@ def addition_to(
     richer
         A base that leaves far less beside them: the way, where it errs less on held-out rows too.
     against
-        The base that they were named against: the way where this model cannot take them.
+        The base that they were named against: the way where this model cannot take them, or errs
+        far beyond the noise on held-out rows and twice as much as that base.
     """
     present = [item.effect for item in model.effects]
     new = [effect for effect in effects if effect.id not in [own.id for own in present]]
@@ -632,14 +633,17 @@ def addition_to(
     known = not found.noise.is_residual
     options = " ".join(f"--add {id}" for id in ids)
     command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
-    better = remedy_with_base(richer, [*present, *new], table, after) if richer else None
+    # Of a degree too many what it leaves is small, and what it errs where no row was is not.
+    far = not richer and against != model.base.name and is_far_behind(after, 0.0)
+    other, most = (against, after / _TIMES) if far else (richer, after)
+    better = remedy_with_base(other, [*present, *new], table, most) if other else None
     return Addition(
         ids,
         before if known else None,
         after if known else None,
         refused="",
         remedy=better or command,
-        base=richer if better else None,
+        base=other if better else None,
     )
 
 
