@@ -182,6 +182,17 @@ def test_own_columns_are_kept_with_a_warning() -> None:
     assert "did you mean temperature_degC?" in table.warnings[0]
 
 
+def test_one_channel_that_is_read_twice_is_told() -> None:
+    random = np.random.default_rng(1)
+    names = ("x_m", "y_m", "fx_N", "fy_N")
+    columns = dict(zip(names, random.normal(0.0, 1e-3, (4, 12)), strict=True))
+    assert not as_table(columns).warnings
+    (told,) = as_table(columns | {"fy_N": columns["fx_N"]}).warnings
+    assert "fx_N and fy_N are the same number in every row" in told
+    # What is off, or jumps between a few places, may well be alike.
+    assert not as_table(columns | {"x_m": np.zeros(12), "y_m": np.zeros(12)}).warnings
+
+
 def test_millimetres_are_guessed(tmp_path: Path) -> None:
     def edit(cells: list[list[str]]) -> None:
         for row in cells[1:]:

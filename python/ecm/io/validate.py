@@ -89,7 +89,15 @@ def validated_columns(
             raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
         columns = {name: column[keep] for name, column in columns.items()}
         warnings.append(f"left out {len(errors.bad_numbers())} row(s). {errors.summary()}")
-    return columns, np.flatnonzero(keep), (*warnings, *_covariate_warnings(columns, source))
+    return (
+        columns,
+        np.flatnonzero(keep),
+        (
+            *warnings,
+            *_copy_warnings(columns, source),
+            *_covariate_warnings(columns, source),
+        ),
+    )
 
 
 IMPORT_IT = Remedy("import it, where it is a log of another program", IMPORT)
@@ -348,6 +356,22 @@ def _covariate_warnings(columns: Columns, source: str) -> list[str]:
     if lacking & {name.rsplit("_")[-1] for name in own}:
         hint += f"; where one is a pose or a wrench, {IMPORT} gives it that name"
     return [f"{source}: {len(own)} column(s) of your own are kept as covariates: {shown}{hint}"]
+
+
+_VALUES = 10
+"""Columns of so many different values that agree in every row are no accident."""
+
+
+def _copy_warnings(columns: Columns, source: str) -> list[str]:
+    """Say which two poses, or two wrenches, are one reading: neither tells anything then."""
+    return [
+        f"{source}: {first} and {other} are the same number in every row: one channel that was "
+        "read or written twice? No model can tell them apart. Look at the log"
+        for names in (POSE, WRENCH)
+        for first, other in itertools.combinations([name for name in names if name in columns], 2)
+        if np.array_equal(columns[first], columns[other])
+        and len(np.unique(columns[first])) >= _VALUES
+    ]
 
 
 _LONGEST_M = 2.0
