@@ -164,6 +164,23 @@ def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model(
     assert not any("unlike" in text for text in diagnose(fit_model(log, "cubic"), log).warnings)
 
 
+def test_exchanged_rows_are_said_before_a_form_that_errs_as_far_with_them() -> None:
+    """A richer base errs less since these rows count less in it, and not by its terms."""
+    random = np.random.default_rng(1)
+    poses = random.uniform(-0.01, 0.01, (120, 3))
+    read = 400.0 * poses + 3e5 * poses * (poses**2).sum(axis=1, keepdims=True)
+    read += random.normal(0.0, 0.01, read.shape)
+    one, other = random.permutation(120)[:12].reshape(2, 6)
+    read[np.r_[one, other]] = read[np.r_[other, one]]
+    columns = dict(zip((*POSE[:3], *WRENCH[:3]), np.hstack([poses, read]).T, strict=True))
+    table = as_table(columns, meta={"instrument": {"force_sd_N": 0.01, "pose_position_sd_m": 1e-9}})
+    found = diagnose(fit_model(table, "quadratic"), table)
+    assert found.model.base == "poly:3"
+    assert (found.model.answer, found.model.reason) == ("numbers", "rows")
+    (warning,) = (text for text in found.warnings if "rows are unlike all others" in text)
+    assert all(f"{row + 1}" in warning for row in (*one, *other))
+
+
 @pytest.mark.parametrize(("rows", "step_s"), [(12_000, 0.1), (3000, 0.4)])
 def test_a_model_of_a_log_with_hysteresis_needs_no_other_numbers(rows: int, step_s: float) -> None:
     """It was fitted to this log. Few of its rows show no smooth structure: the loop is missing."""

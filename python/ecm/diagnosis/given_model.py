@@ -391,7 +391,8 @@ class _Judged:
         richer = len(problem.base.coefficients) > len(self.model.base.coefficients)
         if not self.too_plain:
             return ""
-        if _far_behind(self.given, self.base) and problem.outlying_rows and not richer:
+        far = problem.outlying_rows and _far_behind(self.given, self.base)
+        if far and not (richer and self.is_behind_base):
             return "rows"
         return "" if self.is_behind_base else "weak"
 
@@ -400,9 +401,9 @@ class _Judged:
         """Whether its kind errs more than that of the base, both fitted alike to these rows."""
         if self.is_form_of_base or self.refitted is None or self.is_base:
             return False
-        if _far_behind(self.refitted, self.base):
-            return True
         problem, table = self.problem, self.decision.prepared.unexplained
+        if not problem.outlying_rows and _far_behind(self.refitted, self.base):
+            return True  # else rows that count less in the base would be all the difference
         base = self.of_fit(refit_of_kind(problem.base, table, self.result.noise))
         own, other = (one.over_noise if one else None for one in (self.refitted, base))
         if own is None or other is None:  # a base with nearly a coefficient a row leaves nothing

@@ -51,7 +51,7 @@ from ecm.diagnosis.summary import (
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
 from ecm.io.arrays import F, rest_of
-from ecm.io.description import shown_ranges
+from ecm.io.description import row_ranges, shown_ranges
 from ecm.io.events import fields_json, to_json
 from ecm.io.extras import in_background, require
 from ecm.io.sanity import never_excited, time_unit, unstated, zero_column_sentences
@@ -506,8 +506,9 @@ def _of_rows(problem: Problem, prepared: Prepared) -> Iterator[str]:
     if copies := prepared.copies:
         yield f"{copies} rows repeat an earlier row to the last digit: left out"
     if unlike := problem.outlying_rows:
-        numbers = shown_ranges(prepared.table.numbers_in_file[unlike].tolist())
         told = len(prepared.told_by_check(unlike))
+        written = shown_ranges if told else row_ranges  # all of those that a person must list
+        numbers = written(prepared.table.numbers_in_file[unlike].tolist())
         yield f"{len(unlike)} rows are unlike all others and count less: {numbers}; " + (
             f"ecm check says what is wrong with {told}, and its --leave-out leaves these out"
             if told
