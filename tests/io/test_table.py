@@ -193,6 +193,19 @@ def test_one_channel_that_is_read_twice_is_told() -> None:
     assert not as_table(columns | {"x_m": np.zeros(12), "y_m": np.zeros(12)}).warnings
 
 
+def test_readings_at_the_end_of_a_range_are_told() -> None:
+    x = np.random.default_rng(1).uniform(-1e-3, 1e-3, 40)
+    force = 1e4 * x
+    assert not as_table({"x_m": x, "fx_N": force}).warnings
+    (told,) = as_table({"x_m": x, "fx_N": np.maximum(force, -7.0)}).warnings
+    rows = ", ".join(str(row + 1) for row in np.flatnonzero(force < -7.0))
+    assert "fx_N is exactly -7 in" in told
+    assert f"leave these rows out ({rows})" in told
+    # Coarse steps come again anywhere; a load may well be off.
+    for other in (np.round(force / 2.0) * 2.0, np.maximum(force, 0.0)):
+        assert not as_table({"x_m": x, "fx_N": other}).warnings
+
+
 def test_millimetres_are_guessed(tmp_path: Path) -> None:
     def edit(cells: list[list[str]]) -> None:
         for row in cells[1:]:

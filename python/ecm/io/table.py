@@ -29,7 +29,14 @@ from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import did_you_mean, refuse_pipe
-from ecm.io.validate import IMPORT_IT, by_the_clock, join_runs, validated_columns
+from ecm.io.validate import (
+    IMPORT_IT,
+    by_the_clock,
+    join_runs,
+    one_channel_twice,
+    readings_at_an_end,
+    validated_columns,
+)
 
 Need = Literal["fit", "predict"]
 """fit: at least one pose and one wrench column; predict: at least one pose column."""
@@ -620,7 +627,10 @@ def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Tab
                 f"in {source}, {did_you_mean(name, columns)}"
             )
     numbers = kept[index] if left_out or len(index) < len(kept) else None
-    return Table(columns, meta.applied(), source, (*left_out, *warnings), file_rows=numbers)
+    said = (*left_out, *warnings, *one_channel_twice(columns, source))
+    if meta.file.kind == "static":  # what stands still in a log has rules of its own
+        said = (*said, *readings_at_an_end(columns, kept[index], source))
+    return Table(columns, meta.applied(), source, said, file_rows=numbers)
 
 
 def _joined(tables: Sequence[Table]) -> Table:

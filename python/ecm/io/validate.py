@@ -26,7 +26,7 @@ from ecm.io.columns import (
     likely_name,
 )
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
-from ecm.io.description import ColumnSource, Meta, Scene
+from ecm.io.description import ColumnSource, Meta, Scene, row_ranges
 from ecm.io.se3 import to_base
 from ecm.io.settings import IMPORT, did_you_mean
 
@@ -89,15 +89,7 @@ def validated_columns(
             raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
         columns = {name: column[keep] for name, column in columns.items()}
         warnings.append(f"left out {len(errors.bad_numbers())} row(s). {errors.summary()}")
-    return (
-        columns,
-        np.flatnonzero(keep),
-        (
-            *warnings,
-            *_copy_warnings(columns, source),
-            *_covariate_warnings(columns, source),
-        ),
-    )
+    return columns, np.flatnonzero(keep), (*warnings, *_covariate_warnings(columns, source))
 
 
 IMPORT_IT = Remedy("import it, where it is a log of another program", IMPORT)
@@ -362,7 +354,7 @@ _VALUES = 10
 """Columns of so many different values that agree in every row are no accident."""
 
 
-def _copy_warnings(columns: Columns, source: str) -> list[str]:
+def one_channel_twice(columns: Columns, source: str) -> list[str]:
     """Say which two poses, or two wrenches, are one reading: neither tells anything then."""
     return [
         f"{source}: {first} and {other} are the same number in every row: one channel that was "
@@ -372,6 +364,28 @@ def _copy_warnings(columns: Columns, source: str) -> list[str]:
         if np.array_equal(columns[first], columns[other])
         and len(np.unique(columns[first])) >= _VALUES
     ]
+
+
+_AT_END, _OFTEN = 4, 3
+"""Rows that read the largest or smallest value, and times as many as read any other: no chance."""
+
+
+def readings_at_an_end(columns: Columns, numbers: I, source: str) -> list[str]:
+    """Say which rows (N,) read the same largest or smallest load, as a sensor at its end does."""
+    said = []
+    for name in (name for name in WRENCH if name in columns):
+        values, counts = np.unique(columns[name], return_counts=True)
+        if len(values) < _VALUES:
+            continue
+        least = max(_AT_END, _OFTEN * int(counts[1:-1].max()))
+        for end in (value for value in values[[0, -1]][counts[[0, -1]] >= least] if value):
+            own = numbers[columns[name] == end]
+            said.append(
+                f"{source}: {name} is exactly {end:g} in {len(own)} rows, and no reading is "
+                f"{'smaller' if end == values[0] else 'larger'}: the end of the sensor's range? "
+                f"There the load is not known: leave these rows out ({row_ranges(own.tolist())})"
+            )
+    return said
 
 
 _LONGEST_M = 2.0
