@@ -264,7 +264,11 @@ def _sized(item: Mapping[str, Any], way: str | None = None) -> str:
 
 def _too_few(document: Mapping[str, Any]) -> bool:
     """Whether the rows are too few for base and effects: the error on held-out ones rises."""
-    return bool(document["held_out"]["after"] > document["held_out"]["before"])
+    return _rises(document["held_out"])
+
+
+def _rises(errors: Mapping[str, float]) -> bool:
+    return errors["after"] > errors["before"]
 
 
 def _fall(document: Mapping[str, Any]) -> str:
@@ -289,12 +293,7 @@ def _add(document: Mapping[str, Any]) -> str:
     # What it lacks otherwise comes first: beside it an effect brings this model nothing.
     first = document["model"]["answer"] == "inputs" or document["model"]["reason"] == "rows"
     if not first and (addition := document.get("addition")) is not None:
-        command = _command(addition["remedy"]) or _NOTHING
-        if addition["refused"]:
-            return f"{command}   (not to this model: the details say why)"
-        said = [addition["remedy"]["words"]] if addition["base"] else []
-        said += [f"this model {brings}"] if (brings := _fall_of_model(document)) else []
-        return f"{command}   ({'; '.join(said)})" if said else command
+        return _added(document, addition)
     if document["verdict"] in ("named", "ambiguous") and not first:
         return "nothing: the model has it already; refit it to these rows"
     if (remedy := document["model"].get("remedy")) is not None:
@@ -302,6 +301,19 @@ def _add(document: Mapping[str, Any]) -> str:
     if (document["unknown"] or {}).get("skeleton"):
         return "an effect of your own: the details have a draft of it"
     return _NOTHING
+
+
+def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
+    """The command that adds effects, and what they bring."""
+    command = _command(addition["remedy"]) or _NOTHING
+    if addition["refused"]:
+        return f"{command}   (not to this model: the details say why)"
+    brings = _fall_of_model(document)
+    if brings and not addition["base"] and _rises(addition["held_out"]):
+        return f"nothing to this model, which errs no less with it: {brings}"
+    said = [addition["remedy"]["words"]] if addition["base"] else []
+    said += [f"this model {brings}"] if brings else []
+    return f"{command}   ({'; '.join(said)})" if said else command
 
 
 def _fall_of_model(document: Mapping[str, Any]) -> str:
