@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose, statements
+from ecm.diagnosis import Diagnosis, diagnose, find_missing, statements
 from ecm.diagnosis.given_model import _Judged
 from ecm.diagnosis.summary import Summary
 from ecm.effects import Effect
@@ -24,6 +24,7 @@ from ecm.io.sanity import suspect_rows
 from ecm.io.se3 import wrapped_rotation
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.models.fit import choose_base
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.models.refit import refit, remedy_with_base
@@ -179,6 +180,24 @@ def test_exchanged_rows_are_said_before_a_form_that_errs_as_far_with_them() -> N
     assert (found.model.answer, found.model.reason) == ("numbers", "rows")
     (warning,) = (text for text in found.warnings if "rows are unlike all others" in text)
     assert all(f"{row + 1}" in warning for row in (*one, *other))
+
+
+def test_names_that_imitate_what_the_energy_cannot_hold_are_not_said_of_a_line() -> None:
+    """One torque of a line is in N mm: a gain beside an energy left 24 times the noise."""
+    random = np.random.default_rng(1)
+    poses = random.uniform(-1.0, 1.0, (100, 6)) * [4e-3, 6e-3, 6e-3, 0.1, 0.07, 0.07]
+    read = poses * [6e4, 1.5e4, 1.5e4, 60.0, 40.0, 60.0]
+    read += random.normal(0.0, 1.0, read.shape) * np.repeat([0.15, 0.0005], 3)
+    read[:, 3] *= 1000.0
+    seen = poses + random.normal(0.0, 1.0, poses.shape) * np.repeat([5e-6, 2e-4], 3)
+    figures = {"force_sd_N": 0.15, "torque_sd_Nm": 0.0005, "pose_position_sd_m": 5e-6}
+    stated = {"instrument": figures | {"pose_rotation_sd_rad": 2e-4}}
+    seen[:, 0] += 0.06
+    table = as_table(columns_of(seen, read), meta=stated | {"mechanism": {"length_m": 0.06}})
+    line = fit_model(table, "linear", force=True)
+    assert choose_base(line, table).name == "energy4"
+    decision = find_missing(line, table)
+    assert (decision.verdict, decision.problem.base.name) == ("none", "poly:1")
 
 
 @pytest.mark.parametrize(("rows", "step_s"), [(12_000, 0.1), (3000, 0.4)])

@@ -506,29 +506,60 @@ def find_missing(
     decision = of_rows(settings)
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
+
+    def again(base: StiffnessMap) -> Decision:
+        found = beside(decision.prepared, settings, None, base)
+        return _with_family(found, stages.describe)
+
+    return _of_another_degree(_with_given_form(model, decision, again), again)
+
+
+def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Decision]) -> Decision:
+    """Return the decision against more degrees that hold what follows the pose, or against fewer.
+
+    Fewer where nothing is said and the base errs far on held-out rows: it may take in an effect.
+    """
     problem, nothing = decision.problem, decision.verdict == "none"
     of_pose = decision.unknown is not None and decision.unknown.variables == ("pose",)
     alone = held_out_rms(problem, ()) if nothing or of_pose else 0.0
     richer = more_degrees(problem.base, problem.table) if alone > NEAR_NOISE else None
     if richer is not None and _lower_bic(problem, richer, _error_of(problem, richer)):
-        again = _with_family(beside(decision.prepared, settings, None, richer), stages.describe)
+        again = against(richer)
         # Effects imitate the rest of a form that is still too plain.
         plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE
         better = held_out_rms(again.problem, ()) < alone and not plain
         return again if better and (of_pose or again.verdict == "none") else decision
-    poorer = None
-    if nothing and alone > FAR_BEYOND_NOISE:
-        poorer = one_degree_less(problem.base, problem.table)
-    while poorer is not None:
-        again = _with_family(beside(decision.prepared, settings, None, poorer), stages.describe)
+    poorer, goes_on = problem.base, nothing and alone > FAR_BEYOND_NOISE
+    while goes_on and (fewer := one_degree_less(poorer, problem.table)) is not None:
+        again = against(fewer)
         left = held_out_rms(again.problem, again.accepted.effects)
         # What follows the pose alone may be what the degree holds.
         other = any(item.effect.kind != "pose" for item in again.accepted.effects)
         if again.answer and other and left < alone:
             return again
         # Of some degrees more than one may be too many, as of rows along one path.
-        goes_on = held_out_rms(again.problem, ()) < alone
-        poorer = one_degree_less(again.problem.base, problem.table) if goes_on else None
+        poorer, goes_on = fewer, held_out_rms(again.problem, ()) < alone
+    return decision
+
+
+def _with_given_form(
+    model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
+) -> Decision:
+    """Return the names against the form of a given polynomial, where it errs far less by itself.
+
+    An energy that does not suit the rows, as of a body of another shape or of a column in another
+    unit, errs by far beside its names as well: these imitate a part of what it cannot hold.
+    """
+    problem, own = decision.problem, whole_map(model.base)
+    left = held_out_rms(problem, decision.accepted.effects) if decision.answer else 0.0
+    free = isinstance(own, PolynomialMap) and not isinstance(whole_map(problem.base), PolynomialMap)
+    if not free or left <= FAR_BEYOND_NOISE:
+        return decision
+    with suppress(ModelError, InputError):  # the rows do not hold its coefficients
+        degree = cast(PolynomialMap, own).model.degree
+        again = against(fit_base(problem.table.measured(), PolynomialModel(degree)))
+        if is_far_behind(left, held_out_rms(again.problem, again.accepted.effects)):
+            return again
     return decision
 
 
