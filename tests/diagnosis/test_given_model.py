@@ -573,9 +573,8 @@ def test_a_base_with_nearly_a_coefficient_for_each_row_is_no_better_form() -> No
     """It leaves nothing on its rows and errs more than the model on others: `fit` refuses it."""
     table = soft_pad(6)
     found = diagnose(fit_model(table, "quadratic", force=True), table)
-    assert "poly:4" not in str(found)
-    assert found.summary().add == 'better = ecm.fit(table, "poly:3")'
-    assert fit_model(table, "poly:3").base.name == "poly:3"
+    assert found.model.answer != "form"
+    assert found.summary().add == "nothing"
     with pytest.raises(EcmError, match="no model of these data"):
         fit_model(table, "poly:4")
     assert remedy_with_base("poly:4", (), table) is None

@@ -223,6 +223,8 @@ class GivenModel:
             text = f"{self.name} errs {self.as_given} on these data, {why}"
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
+            if (self.as_given.over_noise or 0.0) > NEAR_NOISE:
+                text += ", as chance and the coefficients of few rows do"
         if not self.is_base:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
@@ -372,8 +374,11 @@ class _Judged:
     @property
     def without_structure(self) -> Answer:
         """The answer where nothing in the residual of the model says more."""
+        nothing = self.decision.verdict == "none"
+        if nothing and self.result.is_as_known and not self.is_behind_base:
+            return "fits"
         if self.far_off:
-            return "noise" if self.decision.verdict == "none" else "effect"
+            return "noise" if nothing else "effect"
         if not self.beyond_noise:
             return "fits"
         return "form" if self.is_behind_base and self.base_explains_most else "noise"

@@ -6,7 +6,6 @@ Among that is a function, an expression, and a table of predicted wrenches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -329,13 +328,13 @@ def one_degree_less(base: StiffnessMap, table: Table) -> StiffnessMap | None:
 
 
 def more_degrees(base: StiffnessMap, table: Table) -> StiffnessMap | None:
-    """The polynomial of the best degree above that of a base; None where the rows hold none."""
+    """The polynomial of the best degree above that of a base; None where its own is the best."""
     whole = whole_map(base)
-    own = whole.model.degree if isinstance(whole, PolynomialMap) else MOST_OF_ONE_INPUT
-    models = [PolynomialModel(degree) for degree in range(own + 1, MOST_OF_ONE_INPUT + 1)]
-    with suppress(ModelError, InputError):  # fewer rows than coefficients
-        return _by_degree(table, models) if models else None
-    return None
+    if not isinstance(whole, PolynomialMap):
+        return None
+    degrees = range(whole.model.degree, MOST_OF_ONE_INPUT + 1)
+    best = _by_degree(table, [PolynomialModel(degree) for degree in degrees])
+    return best if best.name != base.name else None
 
 
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
