@@ -67,7 +67,7 @@ class PlatformSlip(TimedEffect):
     physics = "The platform slips on the mechanism once and stays where it is then."
     parameters = twist("slip")
     outside = LookAlike(
-        "any jump of the pose: a moved target, a knocked camera, a clamp that slipped",
+        "any jump: of the pose (a moved target, a loose clamp), of the zero of the sensor",
         "the home pose, then the first pose again, with marks on clamp and target",
     )
     signature = "a jump at one moment, then constant in body axes"
