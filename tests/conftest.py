@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -57,6 +58,8 @@ def pytest_configure(config: pytest.Config) -> None:
     A command that a test starts takes half as long again where Python keeps no compiled files.
     """
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    # A shell has what it starts in the background ignore Ctrl-C, and the commands would inherit it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, "workerinput"):
         os.environ["ECM_CACHE"] = str(cache_of_this_code())
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))

@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (43_878, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_050, 238),
+    "tests": (35_052, 238),
     "crates": (34_513, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
