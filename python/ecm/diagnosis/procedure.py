@@ -538,7 +538,7 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
         if again.answer and other and left < alone:
             return again
         # Of some degrees more than one may be too many, as of rows along one path.
-        poorer, goes_on = fewer, held_out_rms(again.problem, ()) < alone
+        poorer, goes_on = fewer, FAR_BEYOND_NOISE < held_out_rms(again.problem, ()) < alone
     return decision
 
 
