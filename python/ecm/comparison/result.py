@@ -167,13 +167,14 @@ class Comparison(Shown):
 
         Coefficients that were fitted to these rows count; on other rows they err.
         """
-        made, (rows, errors), own = self.compared, self._errors(), None
+        made, (rows, errors), own = self.compared, self._errors, None
         rows = rows.quieted
         refitted = not made.model.base_frozen and made.model.base.kind not in LEARNED
         if refitted and fitted_here(made.model, made.table):
             own = errors.whitener @ base_columns(rows, made.model.base)
         return structure_test(rows, self._beside_coefficients, errors.whitener, fitted=own)
 
+    @cached_property
     def _errors(self) -> tuple[Rows, Residuals]:
         made = self.compared
         rows = Rows(made.table.subsample(made.chosen), made.model.base)
@@ -182,7 +183,7 @@ class Comparison(Shown):
     @cached_property
     def _beside_coefficients(self) -> F:
         """(n, m) residual over the noise and, on other rows than its own, what coefficients err."""
-        made, (rows, errors) = self.compared, self._errors()
+        made, (rows, errors) = self.compared, self._errors
         known = made.model.covariance
         if known is None or fitted_here(made.model, made.table):
             return errors.whitened

@@ -401,7 +401,7 @@ class _Judged:
             return "rows"
         return "" if self.is_behind_base else "weak"
 
-    @property
+    @cached_property
     def is_behind_base(self) -> bool:
         """Whether its kind errs more than that of the base, both fitted alike to these rows."""
         if self.is_form_of_base or self.refitted is None or self.is_base:

@@ -508,8 +508,7 @@ def find_missing(
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
 
     def again(base: StiffnessMap) -> Decision:
-        found = beside(decision.prepared, settings, None, base)
-        return _with_family(found, stages.describe)
+        return _with_family(beside(decision.prepared, settings, None, base), stages.describe)
 
     return _of_another_degree(_with_given_form(model, decision, again), again)
 

@@ -634,7 +634,7 @@ def addition_to(
     options = " ".join(f"--add {id}" for id in ids)
     command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
     # Of a degree too many what it leaves is small, and what it errs where no row was is not.
-    far = not richer and against != model.base.name and is_far_behind(after, 0.0)
+    far = not richer and against != model.base.name and after > FAR_BEYOND_NOISE
     other, most = (against, after / _TIMES) if far else (richer, after)
     better = remedy_with_base(other, [*present, *new], table, most) if other else None
     return Addition(

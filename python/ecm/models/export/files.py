@@ -386,7 +386,8 @@ def _at_columns(model: Model, exported: Exported, again: str) -> Remedy | None:
 
     The value is the middle of those that were measured.
     """
-    names = [model.followed.get(id, "") for id in exported.lost]
+    followed = model.followed
+    names = [followed.get(id, "") for id in exported.lost]
     if actuators_of(model.base) or not set(names) <= model.conditions.keys():
         return None
     middles = {name: sum(model.conditions[name]) / 2.0 for name in names}

@@ -317,9 +317,9 @@ class _Routes:
         data = files.dropped[:1] if name == "log" else files.data
         model, wanted = None, request.query_params.get("of")
         if name in NEED_MODEL:  # an undo may be a moment old: any model of these data is shown
-            models = {",".join([*data, model_of(step)]): model_of(step)
-                      for step in fits_of(history.steps.values(), files)}  # fmt: skip
-            model = files.model if wanted is None else models.get(wanted, files.model)
+            models = map(model_of, fits_of(history.steps.values(), files))
+            named = {",".join([*data, one]): one for one in models}
+            model = files.model if wanted is None else named.get(wanted, files.model)
         if not data or (name in NEED_MODEL and model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
         if wanted not in (None, ",".join([*data, *([] if model is None else [model])])):
