@@ -17,8 +17,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
-from ecm.models import cross_validate, fit_model, parse_model, polynomial
-from ecm.models import selection as cross_validation_module
+from ecm.models import choose_model, cross_validate, fit_model, parse_model, polynomial, selection
 from ecm.models.errors import ceiling_rms
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import Weights
@@ -75,13 +74,25 @@ def test_many_rows_are_not_fitted_anew_for_each_fold(
     table = slow_ramp(600)
     anew = cross_validate(table, model)
     fitted = fit_model(table, model).base
-    monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 500)
-    monkeypatch.setattr(cross_validation_module, "fit_base", None)
+    monkeypatch.setattr(selection, "_MANY_ROWS", 500)
+    monkeypatch.setattr(selection, "fit_base", None)
     once = cross_validate(table, model, fitted=fitted)
     # The same sums for least squares; one step of a converging iteration for an energy.
     accuracy = 1e-9 if model == "quadratic" else 2e-3
     assert once.rmse == pytest.approx(anew.rmse, rel=accuracy)
     assert once.folds == anew.folds == 10
+
+
+def test_candidates_of_many_rows_are_not_fitted_anew_for_each_fold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table, candidates = slow_ramp(600), ["quadratic", "energy4"]
+    anew = choose_model(table, candidates)
+    monkeypatch.setattr(selection, "_MANY_ROWS", 500)
+    once = choose_model(table, candidates)
+    assert once.error == pytest.approx(anew.error, rel=2e-3)
+    assert once.standard_error == pytest.approx(anew.standard_error, rel=0.02)
+    assert (once.chosen, once.coefficients) == (anew.chosen, anew.coefficients)
 
 
 def test_a_fit_that_starts_from_some_of_the_rows_ends_at_the_same_coefficients(
@@ -101,7 +112,7 @@ def test_a_fit_that_starts_from_some_of_the_rows_ends_at_the_same_coefficients(
 def test_a_threshold_fits_every_fold(monkeypatch: pytest.MonkeyPatch) -> None:
     table = slow_ramp(300)
     anew = cross_validate(table, parse_model("quadratic", pcr="0.1"))
-    monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 100)
+    monkeypatch.setattr(selection, "_MANY_ROWS", 100)
     assert cross_validate(table, parse_model("quadratic", pcr="0.1")).rmse == anew.rmse
 
 
