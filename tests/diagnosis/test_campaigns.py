@@ -104,7 +104,8 @@ def test_the_free_sensor_shows_nothing_of_a_strained_mounting(joined: Table) -> 
     table = joined.with_columns({"kind": np.where(free, "unloaded", "pose")})
     rows = Rows(table, physics())
     always, mounted = (
-        effect.jacobian(rows, np.zeros(6)) for effect in get_effect("fts_offset").variants(table)
+        effect.jacobian(rows, np.zeros(6))
+        for effect in get_effect("fts_offset").variants(table)[:2]
     )
     assert np.abs(always[free]).max() > 0.5
     assert not mounted[free].any()

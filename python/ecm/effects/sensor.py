@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm.effects.ageing import Settling, settled, settling_times
-from ecm.effects.contact import twist
+from ecm.effects.contact import STEPS, twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -39,6 +39,7 @@ from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.regression.folds import zero_of_rows, zero_times
+from ecm.regression.history import step_times, times_beside
 from ecm.regression.rows import Rows
 
 AXES = tuple(short(name) for name in WRENCH)
@@ -111,7 +112,8 @@ def _needs_two_zeros(table: Table) -> Missing | None:
 class FtsOffset(CourseEffect):
     """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted.
 
-    Of single wrench columns it is told from the model by unloaded readings, or begins with a run.
+    Or from a run or a moment on, as after a new zero or a knock. Of single wrench columns it is
+    told from the model by unloaded readings, or begins with a run.
 
     Parameters: *_offset: what this axis reads without a load.
     """
@@ -131,10 +133,17 @@ class FtsOffset(CourseEffect):
     acts: str = optional("always")
     """`always`, or `mounted`: not on the free sensor."""
     first_run: float | None = optional(None)
-    """Run from which the zero of single columns is another one; negative: all rows."""
+    """Run from which the zero is another one; negative, of single columns: all rows."""
+    since_s: float | None = optional(None)
+    """Time after which the zero is another one."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.since_s is not None:
+            self.kind = "time"
+            self.physics = "The sensor has another zero from one moment on, as after a knock."
+        elif self.first_run is not None:
+            self.physics = "The sensor has another zero from one run on: a constant in its axes."
         if self.outputs is not None:
             self.physics = (
                 "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
@@ -143,20 +152,35 @@ class FtsOffset(CourseEffect):
             self.requires = (_needs_two_zeros,)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A wrong zero; where the free sensor was read also the strain of bolts.
+        """A wrong zero, also from each run on; where the free sensor was read the strain of bolts.
 
-        Of single columns on all rows, and from each run on.
+        Of all six components also from a few moments on.
         """
         free = bool((table.text("kind") == "unloaded").any())
+        runs = np.unique(table.column("run"))[1:_MOST_RUNS].tolist() if table.has("run") else []
         if self.outputs is not None:
-            runs = np.unique(table.column("run"))[1:_MOST_RUNS] if table.has("run") else ()
-            begins = [-1.0] * free + [float(run) for run in runs]
             outputs = ",".join(table.wrench_columns)
+            begins = [-1.0] * free + runs
             return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
-        return (FtsOffset(), FtsOffset("mounted")) if free else (FtsOffset(),)
+        moments = () if needs_varying("time_s", 1.0)(table) else step_times(table, STEPS)
+        return (
+            FtsOffset(),
+            *[FtsOffset("mounted")] * free,
+            *(FtsOffset(first_run=begin) for begin in runs),
+            *(FtsOffset(since_s=moment) for moment in moments),
+        )
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Moments between this one and its neighbours."""
+        if self.since_s is None:
+            return ()
+        beside = times_beside(table, self.since_s, STEPS, round_)
+        return tuple(FtsOffset(since_s=moment) for moment in beside)
 
     def course(self, rows: Rows) -> F:
-        """One; zero on the free sensor where it acts `mounted`, and before the first run."""
+        """One; zero on the free sensor where it acts `mounted`, and before it begins."""
+        if self.since_s is not None:
+            return (rows.time_s() > self.since_s).astype(np.float64)
         if self.first_run is not None and self.first_run >= 0.0:
             return (rows.table.column("run") >= self.first_run).astype(np.float64)
         return np.where(rows.unloaded & (self.acts == "mounted"), 0.0, 1.0)
