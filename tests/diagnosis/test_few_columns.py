@@ -453,6 +453,31 @@ def test_what_takes_work_is_found_under_a_second_load(kind: str, measured: bool)
     assert after < 0.25 * before
 
 
+def test_friction_in_three_directions_is_a_vector_and_no_relaxation() -> None:
+    """Strands of a wire rope rub against the way, whatever its direction: Bouc and Wen."""
+    random, fine, n = np.random.default_rng(3), 10, 260
+    t = np.linspace(0.0, 1040.0, n * fine)
+    size = 0.6 + 0.4 * np.sin(t[:, None] / [143.0, 175.0, 111.0] + [0.0, 2.0, 4.0])
+    path = 5e-3 * size * np.sin(2.0 * np.pi * t[:, None] / [160.0, 220.0, 290.0] + [1.0, 2.0, 3.0])
+    pull, rubs = np.zeros(3), np.zeros_like(path)
+    for i, step in enumerate(np.diff(path, axis=0) / 8e-4, 1):
+        lost = 0.5 * (abs(pull @ step) + pull @ step) / max(float(np.linalg.norm(pull)), 1e-9)
+        pull = pull + step - pull * lost
+        rubs[i] = pull
+    force = path * [3e4, 2e4, 2e4] * (1.0 + 4e3 * (path**2).sum(axis=1)[:, None])
+    seen, read = path[::fine], (force + rubs * [30.0, 20.0, 20.0])[::fine]
+    values = np.column_stack([t[::fine], seen, read + random.normal(0.0, 1.5, read.shape)])
+    names = ("time_s", *POSE[:3], *WRENCH[:3])
+    meta = {"instrument": {"force_sd_N": 1.5, "pose_position_sd_m": 1e-6}}
+    table = ecm.Table(dict(zip(names, values.T, strict=True)), meta)
+    found = ecm.diagnose(ecm.fit(table, "cubic", force=True), table)
+    assert found.answer == (("hysteresis",),)
+    (effect,) = found.effects
+    assert effect.effect.shape["together"]
+    assert found.held_out.after < 1.6
+    assert effect.values[0] == pytest.approx(30.0, rel=0.1)
+
+
 def test_a_play_is_never_far_wider_than_the_path_that_shapes_it() -> None:
     """Friction of a slider that nearly no spring holds looks like a play of metres."""
     random, time = np.random.default_rng(5), 0.02 * np.arange(800)

@@ -80,15 +80,17 @@ def table_of(model: Model, time: F, poses: F) -> Table:
     return Table({"time_s": time} | dict(zip(names, values.T, strict=True)))
 
 
-def with_memory(model: Model, overstress: str, pairs: str, loses: str = "") -> Model:
-    """Two relaxing branches, and springs that slip along pairs, behind a play."""
+def with_memory(
+    model: Model, overstress: str, pairs: str, loses: str = "", *, together: bool = False
+) -> Model:
+    """Two relaxing branches, and springs that slip along pairs, behind a play or together."""
     names = sorted({pair.partition(">")[0] for pair in pairs.split(",")})
     slip = ", ".join(f"{name} {0.2 * SIZE[name]}" for name in names)
     forces = [0.1 * LOAD[p.partition(">")[2].lstrip("-")] for p in pairs.split(",")]
     relaxes = StressRelaxation(
         tau_s=0.7, second_tau_s=20.0, overstress=overstress, samples="time", loses=loses
     )
-    rubs = Hysteresis(of=pairs, slip=slip, play=0.3)
+    rubs = Hysteresis(of=pairs, slip=slip, play=0.0 if together else 0.3, together=together)
     made = with_effects(model, (relaxes, [0.3, 0.2]), (rubs, forces))
     mean = model.base.stiffness(motion(model.inputs, 300)[1]).mean(axis=0)
     return replace(made, training=made.training | {"of_fit": {"mean_stiffness": mean.tolist()}})
@@ -167,6 +169,15 @@ def test_columns_step_in_c_as_python_predicts(
 ) -> None:
     model = with_memory(cubic(*columns), overstress, pairs)
     steps_as_predicted(model, *motion(columns[0], 3000, 1), tmp_path)
+
+
+@pytest.mark.parametrize("pairs", ["x_m>fx_N,z_m>fz_N", "x_m>fx_N,z_m>-fz_N,theta_y_rad>tau_y_Nm"])
+def test_springs_that_slip_together_step_in_c_as_python_predicts(
+    pairs: str, tmp_path: Path
+) -> None:
+    """A coordinate that no spring holds has no part in their limit."""
+    model = with_memory(cubic(*PLANAR), "linear", pairs, together=True)
+    steps_as_predicted(model, *motion(PLANAR[0], 3000, 1), tmp_path)
 
 
 @pytest.mark.parametrize("width", [0.0, 8.0])

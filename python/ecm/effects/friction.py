@@ -31,7 +31,7 @@ from ecm.effects.protocol import (
     needs_time,
     optional,
 )
-from ecm.effects.relaxation import stretch
+from ecm.effects.relaxation import stretch, stretch_together
 from ecm.effects.rod import rest_stiffness, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -66,7 +66,9 @@ class Hysteresis(LinearEffect):
     With fewer than the twelve columns there is no frame, and the stiffness may be far from that of
     the friction: then springs slip along pairs of columns (`of`), c z / y in N or N m, and c > 0
     where the loops of the motion lose work. A spring behind a play g y, as in gears, pins and
-    tendons, pulls once that is used up: c sign(z) max(0, |z| - g y) / (y - g y).
+    tendons, pulls once that is used up: c sign(z) max(0, |z| - g y) / (y - g y). What rubs in
+    several directions at once, as strands or pressed faces do, pulls against the way: there the
+    limit is that of the vector z / y of all these columns, |z / y| <= 1 (`together`).
 
     Parameters: c: displacement whose static wrench is the friction; c_*: the same for this
     coordinate; friction_*: force or moment that the friction holds.
@@ -104,6 +106,8 @@ class Hysteresis(LinearEffect):
     """Path to the slip of each pose column, m or rad: of the pairs, or of `each` coordinate."""
     play: float = optional(0.0)
     """Share of the path, from 0 to below 1, along which a spring of the pairs does not pull."""
+    together: bool = optional(False)
+    """Whether the springs of the pairs have one limit, that of their vector; without a play."""
 
     def __post_init__(self) -> None:
         if self.of is not None:
@@ -154,9 +158,12 @@ class Hysteresis(LinearEffect):
         if self.of is not None:
             of = ",".join(resisting_pairs(table))
             span = {name: spans(table)[name] for name in names_of(of)}
-            forms = [(s, 0.0) for s in _SLIPS] + [(s, _PLAY) for s in _PLAY_SLIPS]
+            forms = [(s, 0.0, False) for s in _SLIPS] + [(s, _PLAY, False) for s in _PLAY_SLIPS]
+            if len(span) > 1:
+                forms += [(s, 0.0, True) for s in _SLIPS]
             return tuple(
-                Hysteresis(of=of, slip=listed_numbers(span, s), play=play) for s, play in forms
+                Hysteresis(of=of, slip=listed_numbers(span, s), play=play, together=together)
+                for s, play, together in forms
             )
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
@@ -177,7 +184,8 @@ class Hysteresis(LinearEffect):
                 longest = _LONGEST * _spread(table)["x_m"] / numbers(self.slip)["x_m"]
             factors = (one for one in beside(1.0, 2.0 ** (0.5**round_)) if one < longest)
             slips = (listed_numbers(numbers(self.slip), factor) for factor in factors)
-            pulls = beside(1.0 - self.play, 2.0 ** (0.5**round_)) if self.of is not None else ()
+            has_play = self.of is not None and not self.together
+            pulls = beside(1.0 - self.play, 2.0 ** (0.5**round_)) if has_play else ()
             plays = (float(f"{max(0.0, 1.0 - share):.3g}") for share in pulls)
             return (
                 *(replace(self, slip=slip) for slip in slips),
@@ -188,7 +196,8 @@ class Hysteresis(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
         if self.of is not None:
-            return columns_of_pairs(rows, self.of, lambda name: self._of_a_spring(rows, name))
+            springs = dict(zip(names_of(self.of), self._of_pairs(rows).T, strict=True))
+            return columns_of_pairs(rows, self.of, springs.__getitem__)
         if self.yield_m > 0.0 or self.slip:
             return self._of_slipping_springs(rows)
         step = rows.poses - rows.came_from
@@ -204,14 +213,17 @@ class Hysteresis(LinearEffect):
             stiffness = stiffness * ~rows.unloaded[:, None, None]
         return np.asarray(stiffness @ direction[:, :, None])
 
-    def _of_a_spring(self, rows: Rows, name: str) -> F:
-        """(N,) force over c along one pose column, from the first row of each run."""
-        limit, values = numbers(self.slip)[name], rows.table.matrix([name])
+    def _of_pairs(self, rows: Rows) -> F:
+        """(N, k) force over c along each pose column, from the first row of each run."""
+        names = names_of(self.of or "")
+        limits = np.array([numbers(self.slip)[name] for name in names])
+        values = rows.table.matrix(names)
         last = from_both_sides(rows.table, values) if rows.quiet else values
-        found = np.zeros(len(rows))
+        found = np.zeros(values.shape)
+        stretched = stretch_together if self.together else stretch
         for order in order_of_visits(rows.table):
-            path, own = (one[order] - values[order[0]] for one in (values, last))
-            found[order] = stretch(path, limit, own)[:, 0] / limit
+            path, own = ((one[order] - values[order[0]]) / limits for one in (values, last))
+            found[order] = stretched(path, 1.0, own)
         return (found - np.clip(found, -self.play, self.play)) / (1.0 - self.play)
 
     def _of_slipping_springs(self, rows: Rows) -> F:
@@ -299,7 +311,7 @@ class SealFriction(LinearEffect):
             for name in table.actuation_columns
             if np.ptp(table.column(name)) > 0.0
             for form in plain
-            if "play" not in form.shape
+            if form.shape.keys() == {"of", "slip"}
         )
 
     def plain_form(self) -> Hysteresis:

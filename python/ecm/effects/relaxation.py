@@ -111,6 +111,41 @@ def stretch(path: F, width: float | F, last: F) -> F:
     return np.asarray(last - np.clip(before, last - width, last + width))
 
 
+_SLIPS = 1.0 + 1e-5
+"""Length over the limit from which a vector slips, in exported steps as well."""
+
+
+def stretch_together(path: F, width: float, last: F) -> F:
+    """(n, m) the same of springs that slip as one: the length of their vector is limited.
+
+    Parameters
+    ----------
+    path
+        (n, m) loads up to each row.
+    width
+        Length from which on the vector slips, along the way.
+    last
+        (n, m) load of the row itself.
+
+    Examples
+    --------
+    >>> path = np.array([[3.0, 4.0], [3.0, 4.5]])
+    >>> stretch_together(path, 1.0, path).round(3).tolist()
+    [[0.6, 0.8], [0.419, 0.908]]
+    """
+    found, slider = np.empty(path.shape), np.zeros(path.shape[1])
+    for i in range(len(path)):  # no bounds of a slider as in `play`: its way depends on its place
+        found[i] = _shortened(last[i] - slider, width)
+        slider = path[i] - _shortened(path[i] - slider, width)
+    return found
+
+
+def _shortened(away: F, width: float) -> F:
+    """A vector of at most this length: what stands still at it is not shortened by rounding."""
+    size = float(np.sqrt(away @ away))
+    return away * (width / size) if size > _SLIPS * width else away
+
+
 def _stretches(values: F) -> F:
     """(length, count, m) rows (n, m) in stretches, the place in a stretch first; zeros at the end.
 

@@ -337,6 +337,7 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
         found.document["friction"] = friction.ravel().tolist()
         found.document["slip"] = slip.tolist()
         found.document["play"] = (slip - pulls).tolist()
+        found.document["together"] = effect.together
         return ""
     if effect.yield_m <= 0.0 and not effect.slip:
         return (

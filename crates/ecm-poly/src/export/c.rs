@@ -241,6 +241,7 @@ impl Steps {
                 ("FRICTION", &matrix(&effects.friction)),
                 ("SLIP", &row(&places.of_inputs(&effects.slip))),
                 ("PLAY", &row(&places.of_inputs(&effects.play))),
+                ("TOGETHER", &u8::from(effects.together).to_string()),
                 ("ANGLES", &flags(&places.inputs)),
                 ("MOMENTS", &flags(&places.outputs)),
                 ("PAIRS", &n.min(m).to_string()),

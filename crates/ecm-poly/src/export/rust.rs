@@ -355,6 +355,7 @@ fn steps<R: Real>(
             ("FRICTION", &rows(&effects.friction)),
             ("SLIP", &row(&effects.slip)),
             ("PLAY", &row(&effects.play)),
+            ("TOGETHER", &effects.together.to_string()),
             ("WARMER", &number(effects.softer_per_kelvin)),
             ("REFERENCE", &number(effects.reference_degc)),
             ("GROWTH", &number(effects.growth_per_kelvin)),

@@ -49,6 +49,7 @@ impl Effects<f64> {
         effects.friction = matrix(document, "friction")?;
         effects.slip = numbers(document, "slip")?;
         effects.play = numbers(document, "play")?;
+        effects.together = document.get("together") == Some(&Value::Bool(true));
         effects.damping = numbers(document, "damping")?;
         effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
@@ -128,6 +129,7 @@ impl Effects<f64> {
             friction: self.friction.map(six),
             slip: six(self.slip),
             play: six(self.play),
+            together: self.together,
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
             growth_per_kelvin: R::from_f64(self.growth_per_kelvin),

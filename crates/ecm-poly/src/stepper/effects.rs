@@ -57,23 +57,16 @@ impl<R: Real> Softening<R> {
             |weights: &Vec6<R>, of: &Vec6<R>| core::array::from_fn(|j| weights[j] * of[j]);
         let along =
             |x: &Vec6<R>, j: usize| (0..6).fold(R::ZERO, |sum, i| sum + x[i] * stiffness[i][j]);
-        let dot = |x: &Vec6<R>, y: &Vec6<R>| (0..6).fold(R::ZERO, |sum, j| sum + x[j] * y[j]);
         if self.is_of_work() {
-            let product = dot(away, h);
+            let product = (0..6).fold(R::ZERO, |sum, j| sum + away[j] * h[j]);
             let half = if product < R::ZERO { -R::HALF } else { R::HALF };
             let slope = core::array::from_fn(|j| half * (h[j] + along(away, j)));
             return (half * product, slope);
         }
         let (a, b) = (weighed(&self.of_pose, away), weighed(&self.of_wrench, h));
-        let square = dot(&a, &a) + dot(&b, &b);
-        // The sum of the sizes is at most √12 times the root: seven steps of Newton have all digits.
-        let sizes = a.iter().chain(&b);
-        let mut load = sizes.fold(R::ZERO, |sum, &x| sum + if x < R::ZERO { -x } else { x });
+        let load = length(a.iter().chain(&b));
         if load <= R::ZERO {
             return (R::ZERO, [R::ZERO; 6]);
-        }
-        for _ in 0..7 {
-            load = R::HALF * (load + square / load);
         }
         let (a, b) = (weighed(&self.of_pose, &a), weighed(&self.of_wrench, &b));
         (load, core::array::from_fn(|j| (a[j] + along(&b, j)) / load))
@@ -99,6 +92,21 @@ impl<R: Real> Softening<R> {
     }
 }
 
+/// Length of a vector of at most twelve numbers.
+///
+/// The sum of their sizes is at most √12 times the root: seven steps of Newton have all digits.
+pub(crate) fn length<'a, R: Real + 'a>(of: impl Iterator<Item = &'a R>) -> R {
+    let (mut square, mut root) = (R::ZERO, R::ZERO);
+    for &x in of {
+        square += x * x;
+        root += if x < R::ZERO { -x } else { x };
+    }
+    for _ in 0..if root > R::ZERO { 7 } else { 0 } {
+        root = R::HALF * (root + square / root);
+    }
+    root
+}
+
 /// Effects of time beside a static map; an effect that is zero is absent.
 ///
 /// All act in the mid-frame coordinates q and their forces Q, and add to the static wrench h. With
@@ -117,6 +125,8 @@ pub struct Effects<R> {
     pub slip: Vec6<R>,
     /// Stretch (m, rad) up to which each of them does not pull: a play.
     pub play: Vec6<R>,
+    /// Whether they slip as one, where the length of their stretches over these limits is 1.
+    pub together: bool,
     /// β (1/K): h (1 − β (T − T0)).
     pub softer_per_kelvin: R,
     /// T0 (°C).
@@ -159,6 +169,7 @@ impl<R: Real> Effects<R> {
             friction: [[R::ZERO; 6]; 6],
             slip: [R::ZERO; 6],
             play: [R::ZERO; 6],
+            together: false,
             softer_per_kelvin: R::ZERO,
             reference_degc: R::ZERO,
             growth_per_kelvin: R::ZERO,

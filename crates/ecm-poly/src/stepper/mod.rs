@@ -8,6 +8,7 @@
 //! m ← m + s Δx − (1 − e^(−dt/τ)) m,  s = (1 − e^(−dt/τ)) τ/dt,  x = k q or Q(q),
 //!
 //! and a spring that slips z ← clamp(z + Δq, ±limit), which beyond a play w pulls κ (z − clamp(z, ±w)).
+//! Springs that slip as one share |z / limit| ≤ 1: z ← z / |z / limit|, for steps that turn little.
 //! The wrench is that of Σ g m and these pulls, turned with the mid frame: stress stays with the
 //! material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
@@ -53,7 +54,11 @@ pub use state::{STATE_NUMBERS, State};
 use ecm_se3::linear::add;
 use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
 
+use effects::length;
 use frame::Frame;
+
+/// Length from which springs that slip as one do: where nothing moves rounding is no slip.
+const SLIPS: f64 = 1.0 + 1e-5;
 
 /// A static map from pose to wrench.
 pub trait Elastic<R> {
@@ -142,9 +147,20 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             }
         }
         let along: Vec6<R> = core::array::from_fn(|j| q[j] - state.coordinates[j]);
-        let (mut pulls, mut grips) = ([R::ZERO; 6], [R::ZERO; 6]);
+        let (mut pulls, mut grips, mut turns) = ([R::ZERO; 6], [R::ZERO; 6], [R::ZERO; 6]);
+        let shares: Vec6<R> = core::array::from_fn(|j| match effects.slip[j] {
+            limit if effects.together && limit > R::ZERO => (state.stretch[j] + along[j]) / limit,
+            _ => R::ZERO,
+        });
+        let over = length(shares.iter());
         for j in 0..6 {
             let (limit, play) = (effects.slip[j], effects.play[j]);
+            if over > R::from_f64(SLIPS) && limit > R::ZERO {
+                state.stretch[j] = limit * shares[j] / over;
+                (pulls[j], grips[j]) = (state.stretch[j], R::ONE / over);
+                turns[j] = shares[j] / (over * over * limit);
+                continue;
+            }
             let wanted = state.stretch[j] + along[j];
             let stretch = wanted.clamped(-limit, limit);
             state.stretch[j] = stretch;
@@ -182,9 +198,12 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                     }
                 }
             }
+            let pulled = coupled
+                .clone()
+                .fold(R::ZERO, |sum, j| sum + friction[j] * pulls[j]);
+            total[i] += pulled;
             for j in coupled {
-                steep[i][j] += friction[j] * grips[j];
-                total[i] += friction[j] * pulls[j];
+                steep[i][j] += friction[j] * grips[j] - pulled * turns[j];
             }
         }
         let largest = if here.load > state.largest {

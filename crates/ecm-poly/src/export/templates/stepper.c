@@ -26,6 +26,8 @@ static const uint8_t is_angle[@N@] = {@ANGLES@}, is_moment[@M@] = {@MOMENTS@};
 enum { PAIRS = @PAIRS@ };
 /* Whether stiffness and friction couple coordinates: in a frame they are diagonal. */
 enum { COUPLED = @COUPLED@ };
+/* Whether springs slip as one, where the length of their stretches over these limits is 1. */
+enum { TOGETHER = @TOGETHER@ };
 
 @DECAY@
 
@@ -37,7 +39,16 @@ typedef struct {
     real force[@M@], u[@NM@], h[@M@], away[@N@], load, sign;
 } here_t;
 
-/* W of lengths: their sum is at most sqrt(12) times the root, and seven steps have all digits. */
+/* Of twelve lengths the sum is at most sqrt(12) times the root: seven steps have all digits. */
+static real root_of(real square, real sum)
+{
+    for (int32_t i = 0; i < 7 && sum > R(0); i++) {
+        sum = R(0.5) * (sum + square / sum);
+    }
+    return sum;
+}
+
+/* W of lengths. */
 static real load_at(const here_t *here)
 {
     real square = R(0), load = R(0);
@@ -51,10 +62,7 @@ static real load_at(const here_t *here)
         square += x * x;
         load += x < R(0) ? -x : x;
     }
-    for (int32_t i = 0; i < 7 && load > R(0); i++) {
-        load = R(0.5) * (load + square / load);
-    }
-    return load;
+    return root_of(square, load);
 }
 
 static int32_t find_here(const real *p, here_t *here)
@@ -261,7 +269,8 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
 {
     here_t here;
     real lost[2], left[2], total[@M@], steep[@NM@] = {R(0)}, set_h[@M@], set_k[@NM@];
-    real along[@N@], pulls[@N@], grips[@N@];
+    real along[@N@], pulls[@N@], grips[@N@], turns[@N@] = {R(0)};
+    real squares = R(0), sizes = R(0), over;
     real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), falls, size, slope[@NM@];
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
@@ -281,9 +290,24 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         elastic += (R(1) - linear_of[b]) * share_of[b] * left[b];
     }
     for (int32_t j = 0; j < @N@; j++) {
-        real wanted, stretch;
         along[j] = here.frame.q[j] - state->coordinates[j];
-        wanted = state->stretch[j] + along[j];
+        if (TOGETHER && slip_of[j] > R(0)) {
+            const real share = (state->stretch[j] + along[j]) / slip_of[j];
+            squares += share * share;
+            sizes += share < R(0) ? -share : share;
+        }
+    }
+    over = root_of(squares, sizes);
+    for (int32_t j = 0; j < @N@; j++) {
+        const real wanted = state->stretch[j] + along[j];
+        real stretch;
+        /* Where nothing moves rounding is no slip. */
+        if (over > R(1.00001) && slip_of[j] > R(0)) {
+            state->stretch[j] = pulls[j] = wanted / over;
+            grips[j] = R(1) / over;
+            turns[j] = wanted / (over * over * slip_of[j] * slip_of[j]);
+            continue;
+        }
         stretch = limited(wanted, slip_of[j]);
         state->stretch[j] = stretch;
         pulls[j] = stretch - limited(stretch, play_of[j]);
@@ -294,9 +318,10 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         const real *stiffness = stiffness_at_rest + @N@ * i, *friction = friction_of + @N@ * i;
         const real driven = here.force[i] - state->force[i];
         const int32_t first = COUPLED ? 0 : i, end = COUPLED ? @N@ : i + 1;
-        real linear = R(0);
+        real linear = R(0), pulled = R(0);
         for (int32_t j = first; j < end; j++) {
             linear += stiffness[j] * along[j];
+            pulled += friction[j] * pulls[j];
         }
         total[i] = R(0);
         for (int32_t b = 0; b < 2; b++) {
@@ -312,9 +337,9 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
                 steep[@N@ * i + j] += linear_of[b] * share_of[b] * left[b] * stiffness[j];
             }
         }
+        total[i] += pulled;
         for (int32_t j = first; j < end; j++) {
-            total[i] += friction[j] * pulls[j];
-            steep[@N@ * i + j] += friction[j] * grips[j];
+            steep[@N@ * i + j] += friction[j] * grips[j] - pulled * turns[j];
         }
     }
     if (grows) {
