@@ -544,19 +544,26 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
 def _with_given_form(
     model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
 ) -> Decision:
-    """Return the names against the form of a given polynomial, where it errs far less by itself.
+    """Return the names against the form of a given model, where it errs far less by itself.
 
     An energy that does not suit the rows, as of a body of another shape or of a column in another
-    unit, errs by far beside its names as well: these imitate a part of what it cannot hold.
+    unit, errs by far beside its names as well: these imitate a part of what it cannot hold. The
+    form is a polynomial, or an energy of another symmetry.
     """
-    problem, own = decision.problem, whole_map(model.base)
+    problem, own, base = decision.problem, whole_map(model.base), whole_map(decision.problem.base)
     left = held_out_rms(problem, decision.accepted.effects) if decision.answer else 0.0
-    free = isinstance(own, PolynomialMap) and not isinstance(whole_map(problem.base), PolynomialMap)
-    if not free or left <= FAR_BEYOND_NOISE:
+    if left <= FAR_BEYOND_NOISE:
         return decision
     with suppress(ModelError, InputError):  # the rows do not hold its coefficients
-        degree = cast(PolynomialMap, own).model.degree
-        again = against(fit_base(problem.table.measured(), PolynomialModel(degree)))
+        if isinstance(own, PolynomialMap) and not isinstance(base, PolynomialMap):
+            form = fit_base(problem.table.measured(), PolynomialModel(own.model.degree))
+        elif isinstance(own, EnergyMap) and (
+            not isinstance(base, EnergyMap) or own.model.symmetry != base.model.symmetry
+        ):
+            form = energy_with(cast(Symmetry, own.model.symmetry), problem.table)
+        else:
+            return decision
+        again = against(form)
         if is_far_behind(left, held_out_rms(again.problem, again.accepted.effects)):
             return again
     return decision
