@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -453,8 +454,9 @@ def test_what_takes_work_is_found_under_a_second_load(kind: str, measured: bool)
     assert after < 0.25 * before
 
 
-def test_friction_in_three_directions_is_a_vector_and_no_relaxation() -> None:
-    """Strands of a wire rope rub against the way, whatever its direction: Bouc and Wen."""
+@cache
+def wire_rope() -> ecm.Table:
+    """Strands that rub against the way, whatever its direction: Bouc and Wen."""
     random, fine, n = np.random.default_rng(3), 10, 260
     t = np.linspace(0.0, 1040.0, n * fine)
     size = 0.6 + 0.4 * np.sin(t[:, None] / [143.0, 175.0, 111.0] + [0.0, 2.0, 4.0])
@@ -469,13 +471,25 @@ def test_friction_in_three_directions_is_a_vector_and_no_relaxation() -> None:
     values = np.column_stack([t[::fine], seen, read + random.normal(0.0, 1.5, read.shape)])
     names = ("time_s", *POSE[:3], *WRENCH[:3])
     meta = {"instrument": {"force_sd_N": 1.5, "pose_position_sd_m": 1e-6}}
-    table = ecm.Table(dict(zip(names, values.T, strict=True)), meta)
-    found = ecm.diagnose(ecm.fit(table, "cubic", force=True), table)
+    return ecm.Table(dict(zip(names, values.T, strict=True)), meta)
+
+
+def test_friction_in_three_directions_is_a_vector_and_no_relaxation() -> None:
+    found = ecm.diagnose(ecm.fit(wire_rope(), "cubic", force=True), wire_rope())
     assert found.answer == (("hysteresis",),)
     (effect,) = found.effects
     assert effect.effect.shape["together"]
     assert found.held_out.after < 1.6
     assert effect.values[0] == pytest.approx(30.0, rel=0.1)
+
+
+def test_what_is_held_out_is_the_same_before_and_after_an_effect_of_time_is_added() -> None:
+    """Blocks of time err far more than clusters of poses, which an effect of time asks for."""
+    model = ecm.fit(wire_rope(), "cubic", force=True)
+    after = ecm.diagnose(model, wire_rope()).held_out.after
+    again = ecm.diagnose(ecm.refit(model, wire_rope(), add=["hysteresis"]), wire_rope())
+    assert again.held_out.before == pytest.approx(after, rel=0.05)
+    assert again.model.base_errors.over_noise == again.held_out.before
 
 
 def test_a_play_is_never_far_wider_than_the_path_that_shapes_it() -> None:

@@ -296,7 +296,8 @@ def judge_given_model(
     result = compare(model, table, noise=noise)
     rmse = [component.rmse for component in result.components]
     given = _sized(table, result.whitened_rms, rmse, model.outputs, noise=result.noise)
-    kind = kind_of(decision.accepted.effects)  # the parts of rows are those of the verdict
+    # The parts of rows are those of the verdict.
+    kind = kind_of(decision.accepted.effects, decision.prepared.held)
     error, rmse = held_out_rms(problem, (), kind), problem.rms(problem.fit.residual).tolist()
     base = _sized(table, error, rmse, problem.base.outputs, noise=problem.noise)
     return _Judged(model, decision, problem, result, given, base).answered()

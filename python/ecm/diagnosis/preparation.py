@@ -37,6 +37,8 @@ class Prepared:
     """Effects to test."""
     of_model: dict[str, Missing]
     """Effects that the model has already."""
+    held: tuple[Effect, ...] = ()
+    """The same effects as the model holds them: what they explain is not in `unexplained`."""
     zero_columns: tuple[str, ...] = ()
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
     misread: WrongConvention | None = None
@@ -96,6 +98,7 @@ def prepare(
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),
         of_model={effect.id: why for effect in given if effect.id in of_model},
+        held=tuple(item.effect for item in model.effects),
         zero_columns=zeros,
         misread=misread(
             table, model.base.terms.body if isinstance(model.base, ActuatedMap) else "general"

@@ -346,7 +346,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         detection_limits=detection_limits(problem),
         unknown=decision.unknown,
         family=decision.family,
-        held_out=_held_out(problem, accepted, ceiling),
+        held_out=_held_out(problem, accepted, ceiling, kind_of(accepted, prepared.held)),
         signature=signature_shares(
             problem.rows, problem.response, problem.whitener.each, problem.weights, problem.scale
         ),
@@ -429,7 +429,9 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     )
 
 
-def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None) -> HeldOut:
+def _held_out(
+    problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None, kind: str
+) -> HeldOut:
     """Return the held-out errors, those of a continuous test also run by run."""
     by_run: tuple[RunError, ...] = ()
     blocks = problem.settings.held_out == "blocks"
@@ -438,8 +440,8 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
         runs = np.unique(problem.table.column("run")).astype(int).tolist()
         by_run = tuple(map(RunError, runs, before, after))
     return HeldOut(
-        before=held_out_rms(problem, (), kind_of(accepted)),
-        after=held_out_rms(problem, accepted),
+        before=held_out_rms(problem, (), kind),
+        after=held_out_rms(problem, accepted, kind),
         ceiling=None if ceiling is None else ceiling.whitened,
         by_run=by_run,
     )

@@ -395,9 +395,16 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     return problem.normal.held_out(columns, fold, _scored_groups(problem), projected=projected)
 
 
-def kind_of(chosen: Sequence[Candidate]) -> str:
-    """Return what several effects are held out as: one of time leaks through folds of time."""
-    return "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+def kind_of(chosen: Sequence[Candidate], held: Sequence[Effect] = ()) -> str:
+    """Return what several effects are held out as: one of time leaks through folds of time.
+
+    Parameters
+    ----------
+    held
+        Effects that the model has already: its errors are compared with those of before it had.
+    """
+    effects = (*(item.effect for item in chosen), *held)
+    return "time" if any(effect.kind == "time" for effect in effects) else "pose"
 
 
 def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") -> float:
