@@ -201,6 +201,33 @@ def test_a_column_of_remarks_below_a_row_of_units_costs_no_row(tmp_path: Path) -
         assert table["theta_z_rad"][0] == pytest.approx(np.radians(20.0))
 
 
+@pytest.mark.parametrize("encoding", ["cp932", "utf-8"])
+@pytest.mark.parametrize("brackets", ["[]", "［］", "（）"])
+def test_a_log_as_excel_writes_it_in_japan(tmp_path: Path, encoding: str, brackets: str) -> None:
+    """Wide signs are units; it said a temperature is x_m, for a byte of its letters is an x."""
+    units = {"時間": "s", "角度": "deg", "トルク": "mN・m", "温度": "℃"}
+    head = ",".join(f"{name}{brackets[0]}{unit}{brackets[1]}" for name, unit in units.items())
+    rows = [f"{0.1 * i:.1f},{i - 20},{3 * i},{20 + 0.1 * i:.1f}" for i in range(N)]
+    path = tmp_path / "excel.csv"
+    path.write_text("\n".join([head, *rows]), encoding=encoding)
+    angle, torque = (
+        f"{name}{brackets[0]}{units[name]}{brackets[1]}" for name in ("角度", "トルク")
+    )
+    table = import_log(path, columns={"theta_z_rad": angle, "tau_z_Nm": torque}).table
+    assert table["theta_z_rad"][0] == pytest.approx(np.radians(-20.0))
+    assert table["tau_z_Nm"][1] == pytest.approx(3e-3)
+    assert table["temperature_degC"][10] == pytest.approx(21.0)
+    assert table["time_s"][1] == pytest.approx(0.1)
+
+
+def test_letters_of_western_europe_are_no_japanese(tmp_path: Path) -> None:
+    path = tmp_path / "excel.csv"
+    rows = [f"{0.1 * i:.1f};{0.2 * i:.1f};{i}" for i in range(N)]
+    head = "Prüfer: Müller – „Öse“\nZeit [s];Weg x [µm];Kraft x [N]"
+    path.write_text("\n".join([head, *rows]), encoding="cp1252")
+    assert import_log(path).table["x_m"][5] == pytest.approx(1e-6)
+
+
 def test_cells_that_end_in_one_unit_are_numbers_in_it(tmp_path: Path) -> None:
     path = tmp_path / "matlab.csv"
     cells = [f"{20 * i} ms,{0.1 * i:.1f},{i}" for i in range(N)]

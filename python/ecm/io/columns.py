@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -95,8 +96,19 @@ def find_unit(word: str) -> Unit | None:
 
     Case counts only where it tells units apart (mN and MN).
     """
-    squeezed = re.sub(r"[\s.*·_^()\[\]-]", "", word)
+    squeezed = re.sub(r"[\s.*·・⋅_^()\[\]-]", "", plain(word))
     return UNITS.get(squeezed) or _LOWER.get(squeezed.lower())
+
+
+def plain(text: str) -> str:
+    """Return a text whose signs of one meaning are one: `℃` and `㎜`, wide letters, both mu.
+
+    Examples
+    --------
+    >>> plain("荷重（Ｎ）"), plain("25 ℃"), plain("㎜"), plain("μm") == plain("µm")
+    ('荷重(N)', '25 °C', 'mm', True)
+    """
+    return unicodedata.normalize("NFKC", text).replace("μ", "µ")
 
 
 def factor_of(word: str) -> float:

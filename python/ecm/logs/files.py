@@ -161,6 +161,10 @@ def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str,
     return unnamed and values is not None and bool(np.all(np.diff(values) == 1.0))
 
 
+_OF_TWO_BYTES = re.compile(rb"[\x81-\x9f]")
+"""Bytes that begin most letters of a table as Excel writes it in Japan, and are none in Latin-1."""
+
+
 def _decoded(path: Path) -> str:
     raw = path.read_bytes()
     wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
@@ -169,6 +173,9 @@ def _decoded(path: Path) -> str:
             return raw.decode("utf-16" if wide else "utf-8-sig")
     if b"\0" in raw[:65536]:
         raise InputError(f"{path}: a binary file of a kind that is not known here. {OTHER_FILES}")
+    with contextlib.suppress(UnicodeDecodeError):
+        if _OF_TWO_BYTES.search(raw):
+            return raw.decode("cp932")
     return raw.decode("latin-1")
 
 

@@ -200,7 +200,7 @@ _STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01} | {
 }  # fmt: skip
 _OF_ANYTHING = frozenset({"%", "pct", "percent"})
 """Units of a strain that alone do not tell one."""
-_BRACKET = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
+_BRACKET = re.compile(r"(.*?)[\s_]*[\[(［（]\s*([^\[\]()［］（）]*?)\s*[\])］）]\s*")
 """A name, and the unit in brackets at its end."""
 _WITH_UNIT = re.compile(r"(?P<name>.*?)[\s_]*[\s_\[(](?P<unit>[a-z]+)[\])]?")
 _ACTUATORS = {
@@ -408,7 +408,7 @@ def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
 
 def _small(word: str) -> str:
     """A unit's word without spaces in small letters; both letters for micro are one."""
-    return word.strip().lower().replace("μ", "µ")
+    return columns.plain(word).strip().lower()
 
 
 def trailing_units(name: str) -> tuple[str, dict[str, Unit]]:
