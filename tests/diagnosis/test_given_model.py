@@ -33,7 +33,7 @@ from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.refit import refit, remedy_with_base
 from ecm.regression.noise import Noise
 from ecm.regression.rows import naming_outliers
-from support.campaigns import INSTRUMENT, campaign, workspace_poses
+from support.campaigns import INSTRUMENT, campaign, with_change, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
@@ -201,6 +201,19 @@ def test_names_that_imitate_what_the_energy_cannot_hold_are_not_said_of_a_line()
     assert choose_base(line, table).name == "energy4"
     decision = find_missing(line, table)
     assert (decision.verdict, decision.problem.base.name) == ("none", "poly:1")
+
+
+def test_a_sensor_that_was_zeroed_anew_between_two_runs_is_named_with_its_run() -> None:
+    """It was said that each run has a wrench of its own, which no column tells."""
+    late, zero = np.arange(120) >= 55, [1.5, -1.0, 0.8, 0.03, -0.04, 0.05]
+    table = with_change(measured(5), late[:, None] * np.array(zero))
+    table = table.with_columns({"run": late.astype(float)})
+    found = diagnose(fit_model(table, "energy4", force=True), table)
+    assert found.answer == (("fts_offset",),)
+    assert found.effects[0].effect.shape["first_run"] == 1.0
+    assert found.effects[0].values == pytest.approx(zero, abs=0.25)
+    assert "from one run on" in found.summary().missing
+    assert found.held_out.after < 0.5 * found.held_out.before
 
 
 @pytest.mark.parametrize(("by_itself", "symmetry"), [(2.4, "general"), (5.0, "alike")])
