@@ -125,7 +125,8 @@ pub struct Effects<R> {
     pub slip: Vec6<R>,
     /// Stretch (m, rad) up to which each of them does not pull: a play.
     pub play: Vec6<R>,
-    /// Whether they slip as one, where the length of their stretches over these limits is 1.
+    /// Whether they slip as one, where the length of their stretches over these limits is 1: of
+    /// columns without a frame, which this couples.
     pub together: bool,
     /// β (1/K): h (1 − β (T − T0)).
     pub softer_per_kelvin: R,
