@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from ecm.diagnosis import diagnose
 from ecm.diagnosis.next_experiment import _joined_forms
 from ecm.diagnosis.problem import Candidate
 from ecm.effects import Rows, get_effect
@@ -16,8 +18,11 @@ from ecm.effects.registry import with_shape
 from ecm.effects.sensor import zeroings
 from ecm.errors import InputError
 from ecm.io.columns import WRENCH
-from ecm.io.table import Table, read_table
-from support.campaigns import campaign, physics
+from ecm.io.table import Table, as_table, read_table
+from ecm.models import fit_model
+from support.campaigns import META, NOISE, campaign, physics, workspace_poses
+from support.neck import columns_of
+from support.stand_in import wrench
 
 
 @pytest.fixture(scope="module")
@@ -110,3 +115,34 @@ def test_the_free_sensor_shows_nothing_of_a_strained_mounting(joined: Table) -> 
     assert np.abs(always[free]).max() > 0.5
     assert not mounted[free].any()
     assert np.array_equal(mounted[~free], always[~free])
+
+
+ZERO = np.array([1.2, -0.8, 1.0, 0.02, 0.03, -0.02])
+"""In the sensor's axes, N and N m."""
+
+
+def with_new_zero(begins: int) -> Table:
+    """120 poses, the sensor's zero another one from a row on."""
+    random = np.random.default_rng(begins)
+    poses = workspace_poses(120, begins)
+    after = np.arange(120) >= begins
+    turned = Rotation.from_rotvec(poses[:, 3:])
+    zero = np.hstack([turned.apply(ZERO[:3]), turned.apply(ZERO[3:])]) * after[:, None]
+    loads = wrench(poses) + zero + random.standard_normal((120, 6)) * NOISE
+    return as_table(columns_of(poses, loads) | {"time_s": 60.0 * np.arange(120)}, meta=META)
+
+
+@pytest.mark.parametrize("begins", [45, 83])
+def test_a_new_zero_of_the_sensor_is_named_with_its_moment(begins: int) -> None:
+    """A knock; it was a drift of the zero."""
+    table = with_new_zero(begins)
+    found = diagnose(fit_model(table, "energy6"), table)
+    assert found.answer == (("fts_offset",),), found.sentence()
+    fitted = found.effects[0]
+    assert (np.abs(fitted.values - ZERO) <= 4.0 * fitted.sd).all()
+    assert abs(fitted.effect.shape["since_s"] - 60.0 * (begins - 0.5)) <= 120.0
+
+
+def test_a_zero_that_stays_is_none() -> None:
+    table = with_new_zero(120)
+    assert diagnose(fit_model(table, "energy6"), table).verdict == "none"

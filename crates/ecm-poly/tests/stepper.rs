@@ -482,6 +482,42 @@ fn a_single_coordinate_is_the_first_of_six() {
     assert_eq!(found[3][1], 120.0);
 }
 
+/// Two of three springs have one limit; what slips along x has no hold along y.
+#[test]
+fn springs_that_slip_as_one_pull_against_the_way() {
+    struct Nothing;
+    impl ecm_poly::stepper::Elastic<f64> for Nothing {
+        fn wrench_and_stiffness(&self, _: &Pose<f64>) -> (Wrench<f64>, Mat6<f64>) {
+            (Wrench::from_array(&[0.0; 6]), [[0.0; 6]; 6])
+        }
+    }
+    let mut effects = Effects::none(0.0);
+    effects.columns = Some([[-1e3; 6], [1e3; 6]]);
+    effects.friction = diagonal(&[300.0, 400.0, 0.0, 0.0, 0.0, 0.0]);
+    (effects.slip[0], effects.slip[1], effects.together) = (0.1, 0.1, true);
+    let model = &Nothing;
+    let stepper = Stepper { model, effects };
+    let inputs = effects.default_inputs();
+    let at = |x: f64, y: f64| Pose::from_array(&[x, y, 0.5, 0.0, 0.0, 0.0]).unwrap();
+    let mut state = stepper.init(&at(0.0, 0.0)).unwrap();
+    let (h, _) = stepper
+        .step(&mut state, &at(0.3, 0.4), 0.1, &inputs)
+        .unwrap();
+    let force = h.to_array();
+    assert!((force[0] - 18.0).abs() < 1e-12 && (force[1] - 32.0).abs() < 1e-12);
+    // Where nothing moves they hold: both springs' own stiffness.
+    let (_, k) = stepper
+        .step(&mut state, &at(0.3, 0.4), 0.1, &inputs)
+        .unwrap();
+    assert_eq!((k[0][0], k[1][1], k[0][1]), (300.0, 400.0, 0.0));
+    // Along the way nothing is added, across it the rest of what holds.
+    let (_, k) = stepper
+        .step(&mut state, &at(0.36, 0.48), 0.1, &inputs)
+        .unwrap();
+    assert!((k[0][0] * 0.6 + k[0][1] * 0.8).abs() < 1e-9);
+    assert!((k[0][0] * 0.8 - k[0][1] * 0.6 - 300.0 * 0.8 / 2.0).abs() < 1e-9);
+}
+
 /// A clock that ticks twice at once gives a dt whose inverse overflows.
 #[test]
 fn a_dt_that_is_hardly_any_is_a_sudden_move() {
