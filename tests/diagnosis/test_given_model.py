@@ -90,16 +90,19 @@ def test_a_model_and_its_refit_are_judged_on_the_same_rows() -> None:
     assert found.refitted.rmse == pytest.approx(found.as_given.rmse, rel=1e-6)
 
 
-@pytest.mark.parametrize(("again", "answer"), [(1.2, "effect"), (1.0, "numbers")])
+@pytest.mark.parametrize(("again", "answer"), [(1.2, "noise"), (1.0, "numbers")])
 def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) -> None:
     """The fit that was to be made again had been made: 1.18 times the noise, again 1.2 times."""
     judged = _Judged.__new__(_Judged)
     known = {
         "decision": SimpleNamespace(unknown=None, verdict="none"),
-        "result": SimpleNamespace(unused_inputs=(), missing=True),
+        "result": SimpleNamespace(
+            unused_inputs=(), missing=True, is_as_known=False, excess_low=0.1
+        ),
         "given": SimpleNamespace(over_noise=1.18),
         "refitted": SimpleNamespace(over_noise=again),
         "is_form_of_base": True, "shown": True, "fits_again": True, "reason": "",
+        "is_behind_base": False,
     }  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         for name, value in known.items():

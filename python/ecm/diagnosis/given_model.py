@@ -366,11 +366,17 @@ class _Judged:
             return "inputs"
         if self.is_form_of_base and not nothing:
             return "effect"
-        if not self.missing:
+        # Beside the same form the stages may have found nothing.
+        if not self.missing or (self.is_form_of_base and nothing and not self.has_other_numbers):
             return self.without_structure
-        if (self.fits_again and self.falls_again) or self.reason == "rows":
+        if self.has_other_numbers:
             return "numbers"
         return "form" if self.too_plain and not self.reason else "effect"
+
+    @property
+    def has_other_numbers(self) -> bool:
+        """Whether the same form fits with other coefficients."""
+        return (self.fits_again and self.falls_again) or self.reason == "rows"
 
     @property
     def without_structure(self) -> Answer:
@@ -378,8 +384,11 @@ class _Judged:
         nothing = self.decision.verdict == "none"
         if nothing and self.result.is_as_known and not self.is_behind_base:
             return "fits"
+        if self.far_off and not nothing:
+            return "effect"
         if self.far_off:
-            return "noise" if nothing else "effect"
+            other = not (self.is_form_of_base or self.is_base)
+            return "form" if other and self.base_explains_most else "noise"
         if not self.beyond_noise:
             return "fits"
         return "form" if self.is_behind_base and self.base_explains_most else "noise"
@@ -387,7 +396,7 @@ class _Judged:
     @property
     def base_explains_most(self) -> bool:
         """Whether the base takes most of what its kind leaves beyond the noise: no noise does."""
-        own, other = (one.over_noise if one else None for one in (self.refitted, self.base))
+        own, other = (one.over_noise for one in (self.refitted or self.given, self.base))
         return own is not None and other is not None and other**2 - 1.0 < 0.5 * (own**2 - 1.0)
 
     @cached_property

@@ -316,13 +316,12 @@ _TAKEN_BY_ENERGY = 0.9
 _LESS_SYMMETRY = {
     "revolution": (
         "the ends of the body differ, or something acts along its axis: an energy that takes the "
-        "ends as alike leaves more, whatever is named; names are against one of revolution; fit "
-        "energy6-revolution"
+        "ends as alike leaves more, whatever is named; names are against one of revolution"
     ),
     "general": (
         "the body is none of revolution: an energy of revolution leaves more, whatever is named; "
         "names are against an energy without symmetry, which takes in all that follows the pose "
-        "alone; fit energy4-general"
+        "alone"
     ),
 }
 
@@ -642,10 +641,10 @@ def _against_the_bases(
             left = _error_left(again, None if said else first)
             if left < most:
                 or_else = (f"or {said.sentence()}",) if said else ()
-                decision = replace(again, warnings=(_LESS_SYMMETRY[symmetry], *or_else))
+                decision = replace(again, warnings=(_less_symmetry(other, model), *or_else))
                 most = _BESIDE_NAMES * left
         if "general" not in asked:
-            decision = _without_symmetry(decision, against)
+            decision = _without_symmetry(model, decision, against)
         richer = richer_polynomial(decision)
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
@@ -663,11 +662,19 @@ def _against_the_bases(
     return against_energy(decision, energy, stages)
 
 
-def _without_symmetry(decision: Decision, against: Callable[[StiffnessMap], Decision]) -> Decision:
-    """Return the names against an energy without symmetry, where one with it leaves far more.
+def _less_symmetry(base: StiffnessMap, model: Model) -> str:
+    """What a base says of the body, and which one to fit where that was not given."""
+    words = _LESS_SYMMETRY[cast(EnergyMap, whole_map(base)).model.symmetry]
+    return words if model.base.name == base.name else f"{words}; fit {base.name}"
+
+
+def _without_symmetry(
+    model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
+) -> Decision:
+    """Return the answer against an energy without symmetry, where one with it leaves far more.
 
     By itself it need not fit better: of many coefficients, those rows lead astray that an effect
-    spoils. Without a name it says no more than that something follows the pose.
+    spoils. Where it leaves something without a name that is no more than known before.
     """
     base, left = whole_map(decision.problem.base), _error_left(decision)
     symmetric = isinstance(base, EnergyMap) and base.model.symmetry != "general"
@@ -675,9 +682,11 @@ def _without_symmetry(decision: Decision, against: Callable[[StiffnessMap], Deci
     if told or not symmetric or decision.statement is not None:
         return decision
     with suppress(ModelError, InputError):  # fewer rows than coefficients
-        again = against(energy_with("general", decision.problem.table))
-        if again.answer and _error_left(again, decision.problem) < _BY_ITSELF * left:
-            return replace(again, warnings=(_LESS_SYMMETRY["general"],))
+        general = energy_with("general", decision.problem.table)
+        again = against(general)
+        said = again.answer or again.verdict == "none"
+        if said and _error_left(again, decision.problem) < _BY_ITSELF * left:
+            return replace(again, warnings=(_less_symmetry(general, model),))
     return decision
 
 
