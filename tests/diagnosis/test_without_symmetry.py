@@ -153,3 +153,37 @@ def test_a_skewed_body_does_not_mix_the_axes_of_the_sensor(hidden: str) -> None:
     assert (found.verdict, found.answer) == ("unknown", ()), found.answer
     kept = {item.id for item in found.accepted.effects}
     assert kept == {"unused_column:humidity"} if hidden else not found.family
+
+
+def folded(poses: F) -> F:
+    """(N, 6) wrench of a folded column, whose twelve stiffening struts turn it when pressed."""
+    at = np.deg2rad(60.0 * np.arange(6))
+    ring = 0.03 * np.c_[np.zeros(6), np.cos(at), np.sin(at)]
+    tip = Rotation.from_rotvec([np.deg2rad(32.0), 0.0, 0.0]).apply(ring)
+    arms = np.einsum("nij,kj->nki", Rotation.from_rotvec(poses[:, 3:]).as_matrix(), tip)
+    found = np.hstack([poses[:, :3] - REST, poses[:, 3:]]) * [800.0, 300.0, 300.0, *[0.06] * 3]
+    for shift, stiffness in ((0, 9e3), (1, 1.4e4)):
+        base = np.roll(ring, -shift, axis=0)
+        along = poses[:, None, :3] + arms - base
+        length = np.linalg.norm(along, axis=2)
+        longer = length - np.linalg.norm(REST + tip - base, axis=1)
+        pulls = ((stiffness * longer + 6e8 * longer**3) / length)[:, :, None] * along
+        found += np.hstack([pulls.sum(axis=1), np.cross(arms, pulls).sum(axis=1)])
+    return found
+
+
+def test_a_form_without_symmetry_that_leaves_nothing_is_the_answer_to_a_cubic() -> None:
+    """It was something that no known effect explains, beside a mixing of the sensor's axes."""
+    random = np.random.default_rng(4)
+    poses = random.uniform(-1.0, 1.0, (250, 6)) * [3.5e-3, 2e-3, 2e-3, 0.1, 0.06, 0.06]
+    poses[:, :3] += REST
+    wrench = folded(poses) + random.normal(size=(250, 6)) * 10.0 * NOISE
+    noise = Instrument(
+        pose_position_sd_m=1e-5, pose_rotation_sd_rad=2e-4, force_sd_N=0.2, torque_sd_Nm=0.01
+    )
+    meta = Meta(mechanism={"length_m": L}, instrument=noise)
+    table = as_table(columns_of(poses, wrench), meta=meta)
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert (found.verdict, found.model.answer) == ("none", "form"), found.sentence()
+    assert found.summary().add == 'better = ecm.fit(table, "energy5-general")'
+    assert "fit energy5-general" in found.warnings[0]
