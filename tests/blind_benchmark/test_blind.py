@@ -45,6 +45,7 @@ from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.effects.material import Anisotropy
 from ecm.effects.registry import effects_of_actuators
+from ecm.effects.sensor import FtsOffset
 from ecm.io.columns import WRENCH
 from ecm.io.table import as_table
 from ecm.regression.noise import declared_noise
@@ -143,10 +144,15 @@ def late(case: Set, folder: Path) -> Data:
 
 
 def test_what_held_out_rows_contradict_is_not_accepted(folder: Path, method: Method) -> None:
-    """Fitted to all rows a constant explains much of it; no block of time tells it of another."""
+    """Fitted to all rows a constant explains much of it; no block of time tells it of another.
+
+    The form that begins at a moment, which is what is hidden, is not asked here.
+    """
     others = tuple(effect.id for effect in all_effects() if effect.id != "fts_offset")
     case = Set(0, 900, "rod", protocol="paper", removed=others)
-    answer = our_answer(case, late(case, folder), method=method)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FtsOffset, "variants", lambda self, table: (FtsOffset(),))
+        answer = our_answer(case, late(case, folder), method=method)
     assert answer["first"] == ["fts_offset"]
     assert answer["verdict"] == "family"
     assert answer["effects"] == []

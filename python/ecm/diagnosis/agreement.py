@@ -163,6 +163,8 @@ class Told:
         offered = problem.offered
         falls = delta_chi2_of_each(problem, (), offered)
         falls -= np.log(problem.size) * np.array([one.parameters for one in offered])
+        # Of forms that chance alone prefers the plain one stands.
+        falls = np.maximum(falls, 0.0)
         best = best_of_each(offered, falls.tolist()) | {one.id: (0.0, one) for one in unseen}
         group = ConfusionClass(problem, (), {id: [one] for id, (_, one) in best.items()})
         added = Added.of(group, rows)
@@ -170,7 +172,7 @@ class Told:
         self._matrix = np.array(added.old)
         self._base = len(problem.base_index)
         # The last is that nothing is missing.
-        known = np.maximum([*(fall for fall, _ in best.values()), 0.0], 0.0)
+        known = np.array([*(fall for fall, _ in best.values()), 0.0])
         self._weights = special.softmax(known / _UNSURE)[:-1]
         values = {one.id: np.zeros(one.parameters) for one in unseen}
         self._effects = [
