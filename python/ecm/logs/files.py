@@ -161,8 +161,11 @@ def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str,
     return unnamed and values is not None and bool(np.all(np.diff(values) == 1.0))
 
 
-_OF_TWO_BYTES = re.compile(rb"[\x81-\x9f]")
-"""Bytes that begin most letters of a table as Excel writes it in Japan, and are none in Latin-1."""
+_JAPANESE = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
+"""Two letters of two bytes side by side, as in tables that Excel writes in Japan.
+
+One alone may be a curled quotation mark and a letter of a western table.
+"""
 
 
 def _decoded(path: Path) -> str:
@@ -174,7 +177,7 @@ def _decoded(path: Path) -> str:
     if b"\0" in raw[:65536]:
         raise InputError(f"{path}: a binary file of a kind that is not known here. {OTHER_FILES}")
     with contextlib.suppress(UnicodeDecodeError):
-        if _OF_TWO_BYTES.search(raw):
+        if _JAPANESE.search(raw):
             return raw.decode("cp932")
     return raw.decode("latin-1")
 
