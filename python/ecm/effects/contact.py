@@ -90,11 +90,10 @@ class PlatformSlip(TimedEffect):
 
     def columns(self, rows: Rows) -> F:
         """-K_s B and the lever of the force, after the jump."""
-        after = (rows.time_s() > self.at_s).astype(np.float64)
         columns = -(rows.screw_stiffness @ rows.base_from_top)
         for j in range(3):
             columns[:, 3:, j] -= np.cross(rows.rotation[:, :, j], rows.wrench[:, :3])
-        return np.asarray(columns * after[:, None, None])
+        return np.asarray(columns * rows.after(self.at_s)[:, None, None])
 
 
 @dataclass(eq=False)
@@ -151,7 +150,7 @@ class MarkerMotion(TimedEffect):
         if self.counted == "each":
             time = time - rows.begin_s()
         if self.course == "step":
-            growth = (rows.time_s() > self.at_s).astype(np.float64)
+            growth = rows.after(self.at_s)
         elif self.course == "settling":
             growth = -np.expm1(-time / self.at_s)
         else:
@@ -207,7 +206,7 @@ class Jump(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """(N, m, k) one level of each load, or what a shift of each pose column does to them."""
-        after = rows.loaded((rows.time_s() > self.at_s).astype(np.float64))
+        after = rows.loaded(rows.after(self.at_s))
         return np.stack([on_column(rows, name, after) for name in self.of.split(",")], axis=2)
 
 
@@ -426,8 +425,7 @@ class Debonding(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """-h after the tear, or the slope of -EA L max(0, e)^2 / 2."""
         if self.opens == "torn":
-            after = (rows.time_s() > self.at_s).astype(np.float64)
-            return np.asarray(-(after[:, None] * rows.wrench)[:, :, None])
+            return np.asarray(-(rows.after(self.at_s)[:, None] * rows.wrench)[:, :, None])
         if self.opens == "hinge":
             return self._hinge(rows)
         if self.opens.startswith("gap"):

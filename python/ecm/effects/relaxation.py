@@ -133,17 +133,15 @@ def stretch_together(path: F, width: float, last: F) -> F:
     >>> stretch_together(path, 1.0, path).round(3).tolist()
     [[0.6, 0.8], [0.419, 0.908]]
     """
-    found, slider = np.empty(path.shape), np.zeros(path.shape[1])
+    before, slider = np.empty(path.shape), np.zeros(path.shape[1])
     for i in range(len(path)):  # no bounds of a slider as in `play`: its way depends on its place
-        found[i] = _shortened(last[i] - slider, width)
-        slider = path[i] - _shortened(path[i] - slider, width)
-    return found
-
-
-def _shortened(away: F, width: float) -> F:
-    """A vector of at most this length: what stands still at it is not shortened by rounding."""
-    size = float(np.sqrt(away @ away))
-    return away * (width / size) if size > _SLIPS * width else away
+        before[i], away = slider, path[i] - slider
+        if (size := float(np.sqrt(away @ away))) > _SLIPS * width:
+            slider = path[i] - away * (width / size)
+    away = last - before
+    sizes = np.linalg.norm(away, axis=1, keepdims=True)
+    # Rounding shortens none that stands still at the limit.
+    return np.asarray(away / np.where(sizes > _SLIPS * width, sizes / width, 1.0))
 
 
 def _stretches(values: F) -> F:

@@ -141,15 +141,16 @@ class FtsOffset(CourseEffect):
         super().__post_init__()
         if self.since_s is not None:
             self.kind = "time"
-            self.physics = "The sensor has another zero from one moment on, as after a knock."
-        elif self.first_run is not None:
-            self.physics = "The sensor has another zero from one run on: a constant in its axes."
         if self.outputs is not None:
             self.physics = (
                 "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
             )
             self.needs = "unloaded readings (kind), or several runs (run)"
             self.requires = (_needs_two_zeros,)
+        elif self.since_s is not None:
+            self.physics = "The sensor has another zero from one moment on, as after a knock."
+        elif self.first_run is not None:
+            self.physics = "The sensor has another zero from one run on: a constant in its axes."
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A wrong zero, also from each run on; where the free sensor was read the strain of bolts.
@@ -174,13 +175,12 @@ class FtsOffset(CourseEffect):
         """Moments between this one and its neighbours."""
         if self.since_s is None:
             return ()
-        beside = times_beside(table, self.since_s, STEPS, round_)
-        return tuple(FtsOffset(since_s=moment) for moment in beside)
+        return tuple(FtsOffset(since_s=t) for t in times_beside(table, self.since_s, STEPS, round_))
 
     def course(self, rows: Rows) -> F:
         """One; zero on the free sensor where it acts `mounted`, and before it begins."""
         if self.since_s is not None:
-            return (rows.time_s() > self.since_s).astype(np.float64)
+            return rows.after(self.since_s)
         if self.first_run is not None and self.first_run >= 0.0:
             return (rows.table.column("run") >= self.first_run).astype(np.float64)
         return np.where(rows.unloaded & (self.acts == "mounted"), 0.0, 1.0)

@@ -732,6 +732,10 @@ class Rows:
         """(N,) time as in the table: the same origin for any part of it."""
         return self.table.column("time_s")
 
+    def after(self, moment_s: float) -> F:
+        """(N,) 1 after a moment of that time, 0 up to it."""
+        return (self.time_s() > moment_s).astype(np.float64)
+
     @property
     def _clock_s(self) -> float:
         """What the clock of the fit showed when its campaign began."""
