@@ -31,8 +31,7 @@ def test_a_column_that_only_the_removed_rows_have_explains_nothing() -> None:
     whole = (columns.T @ columns, columns.T @ response)
     gone = columns[groups == 0]
     fewer = difference(whole, (gone.T @ gone, gone.T @ response[groups == 0]))
-    left = projected_out(*fewer, [0, 1])
-    gains = explained_by_blocks(fewer, left, [(2,), (3,)])
+    gains = explained_by_blocks(*fewer, [0, 1], [(2,), (3,)])
     assert gains[1] == 0.0
     stay = columns[groups > 0]
     exact = projected_out(stay.T @ stay, stay.T @ response[groups > 0], [0, 1])

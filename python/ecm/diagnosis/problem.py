@@ -60,7 +60,6 @@ from ecm.regression.normal_equations import (
     explained_by_blocks,
     explained_squares,
     in_threads,
-    projected_out,
 )
 from ecm.regression.rows import UnknownLength, actuators_of, driven_by, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener
@@ -405,9 +404,9 @@ def significant_columns(
     present: set[str] = set()
     for _ in range(_MOST):
         tried = [shape for shape in shapes if shape[0] not in present]
-        left = projected_out(*equations, (*fixed, *taken))
         blocks = [columns for _, columns in tried]
-        gains = np.minimum(explained_by_blocks(equations, left, blocks), squares)
+        gains = explained_by_blocks(*equations, (*fixed, *taken), blocks)
+        gains = np.minimum(gains, squares)
         sizes = np.array([len(block) for block in blocks], dtype=np.int64)
         rest = freedom - sizes
         ratio = gains / sizes / np.maximum(squares - gains, 1e-12 * squares or 1.0) * rest

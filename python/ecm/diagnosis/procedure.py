@@ -127,7 +127,7 @@ def less_symmetric_energies(decision: Decision, given: StiffnessMap) -> list[Sti
     better: list[StiffnessMap] = []
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
     most = _BY_ITSELF * _error(problem, problem.fit.residual, len(problem.base.coefficients))
-    for symmetry in tried:
+    for symmetry in tried if most > _floor(problem) else ():
         with suppress(ModelError, InputError):  # fewer rows than coefficients
             base = energy_with(symmetry, problem.table)
             error = _error_of(problem, base)
@@ -197,6 +197,14 @@ def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
     k = len(richer.coefficients)
     fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
     return bool(fall > (k - own) * np.log(size))
+
+
+def _floor(problem: Problem) -> float:
+    """Return the error over the noise below which no form can be; 0 where no noise is known.
+
+    The noise of a stated figure may be smaller than that, as the rows show where nothing is left.
+    """
+    return 0.0 if problem.noise.is_assumed else float(np.sqrt(min(problem.scale, 1.0)))
 
 
 def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
@@ -679,7 +687,8 @@ def _without_symmetry(
     base, left = whole_map(decision.problem.base), _error_left(decision)
     symmetric = isinstance(base, EnergyMap) and base.model.symmetry != "general"
     told = decision.verdict != "unknown" and left <= FAR_BEYOND_NOISE
-    if told or not symmetric or decision.statement is not None:
+    least = _BY_ITSELF * left <= _floor(decision.problem)
+    if told or least or not symmetric or decision.statement is not None:
         return decision
     with suppress(ModelError, InputError):  # fewer rows than coefficients
         general = energy_with("general", decision.problem.table)

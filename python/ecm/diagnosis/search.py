@@ -26,7 +26,7 @@ from ecm.io.arrays import B, F, I
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
 from ecm.regression.f_test import explained_by_span
 from ecm.regression.folds import folds, held_out_by
-from ecm.regression.normal_equations import explained_by_blocks, projected_out, solve
+from ecm.regression.normal_equations import explained_by_blocks, solve
 
 ONE_CAUSE_SHARE = 0.03
 """Share that two effects must explain beyond any single one: one cause is likelier."""
@@ -122,8 +122,7 @@ def delta_chi2_of_each(
     columns = problem.columns_of(chosen)
     if columns not in problem.gains:
         blocks = [shape.columns for shape in of_others(problem.offered, chosen)]
-        left = projected_out(*problem.equations, columns)
-        gains = explained_by_blocks(problem.equations, left, blocks, problem.signs)
+        gains = explained_by_blocks(*problem.equations, columns, blocks, problem.signs)
         problem.gains[columns] = np.full(len(problem.signs), np.nan)
         problem.gains[columns][[block[0] for block in blocks]] = gains
     return problem.gains[columns][[candidate.columns[0] for candidate in candidates]]

@@ -39,7 +39,7 @@ from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import Noise, declared_noise
-from ecm.regression.normal_equations import explained_by_blocks, projected_out
+from ecm.regression.normal_equations import explained_by_blocks
 
 LEAST_WRONG_ERROR = 2.0
 """Error over the noise from which other readings of the table are tried."""
@@ -562,8 +562,8 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     smooth = omnibus_columns(problem, max(1, n // 6))
     # The best shape of every effect: what it does not explain is noise, significant or not.
     matrix, vector, _ = problem.normal.total
-    left = projected_out(matrix, vector, problem.base_index)
-    gains = explained_by_blocks((matrix, vector), left, [one.columns for one in problem.offered])
+    blocks = [one.columns for one in problem.offered]
+    gains = explained_by_blocks(matrix, vector, problem.base_index, blocks)
     leading = best_of_each(problem.offered, gains.tolist())
     best = problem.design[:, :, [c for _, one in leading.values() for c in one.columns]]
     columns = np.concatenate([problem.base_block, best, smooth], axis=2)[use]

@@ -257,28 +257,26 @@ def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: 
     force = np.einsum("nji,nj->ni", half, wrench[:, :3])
     torque = np.einsum("nji,nj->ni", half, wrench[:, 3:])
     chord = q[:, :3] + np.array([length_m, 0.0, 0.0])
-    moments = np.empty((len(poses), len(along), 3))
-    for p, s in enumerate(along):
-        place, turn = _section(q, length_m, bending_share, float(s))
-        moment = torque + np.cross(chord - place, force)
-        section = rotation_matrices(turn)
-        moments[:, p] = np.einsum("nji,nj->ni", section, moment)
-    return moments
+    places, turns = _sections(q, length_m, bending_share, along)
+    moments = torque[:, None] + np.cross(chord[:, None] - places, force[:, None])
+    sections = rotation_matrices(turns.reshape(-1, 3)).reshape(*turns.shape, 3)
+    return np.asarray(np.einsum("npji,npj->npi", sections, moments))
 
 
-def _section(q: F, length_m: float, bending_share: float, s: float) -> tuple[F, F]:
-    """(N, 3) place of a section's centre and its rotation vector, from the base in mid-frame axes.
+def _sections(q: F, length_m: float, bending_share: float, along: F) -> tuple[F, F]:
+    """(N, P, 3) places of sections' centres, rotation vectors, from the base in mid-frame axes.
 
     An arc of theta, and of c the share of bending as the cubic of a clamped beam.
     """
-    bow = 0.25 * (1.0 - s * s)
-    place = 0.5 * (1.0 + s) * (q[:, :3] + np.array([length_m, 0.0, 0.0]))
-    place[:, 1] += bow * (s * bending_share * q[:, 1] - 0.5 * length_m * q[:, 5])
-    place[:, 2] += bow * (s * bending_share * q[:, 2] + 0.5 * length_m * q[:, 4])
-    turn = 0.5 * s * q[:, 3:]
-    turn[:, 1] -= 6.0 * bow * bending_share / length_m * q[:, 2]
-    turn[:, 2] += 6.0 * bow * bending_share / length_m * q[:, 1]
-    return place, turn
+    s, q = along[:, None], q[:, None]
+    bow = 0.25 * (1.0 - along * along)
+    places = 0.5 * (1.0 + s) * (q[..., :3] + np.array([length_m, 0.0, 0.0]))
+    places[..., 1] += bow * (along * bending_share * q[..., 1] - 0.5 * length_m * q[..., 5])
+    places[..., 2] += bow * (along * bending_share * q[..., 2] + 0.5 * length_m * q[..., 4])
+    turns = 0.5 * s * q[..., 3:]
+    turns[..., 1] -= 6.0 * bow * bending_share / length_m * q[..., 2]
+    turns[..., 2] += 6.0 * bow * bending_share / length_m * q[..., 1]
+    return places, turns
 
 
 def change_by_other_body(rows: Rows, name: str, change: Callable[[float], float]) -> F | None:

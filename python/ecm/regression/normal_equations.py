@@ -264,46 +264,56 @@ def ridge_path(matrix: F, vector: F, ridges: F) -> F:
 
 def projected_out(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
     """Normal equations after projecting the fixed columns out of all columns."""
-    take = np.asarray(fixed, dtype=np.int64)
-    if len(take) == 0:
+    if len(fixed) == 0:
         return matrix, vector
+    cross, shares, own = _projection(matrix, vector, fixed)
+    return matrix - cross.T @ shares, vector - cross.T @ own
+
+
+def _projection(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F, F]:
+    """Products (f, k) of the fixed columns with all, their shares of these, and of the response."""
+    take = np.asarray(fixed, dtype=np.int64)
     diagonal = np.sqrt(np.maximum(np.diag(matrix)[take], 1e-300))
     inner = matrix[np.ix_(take, take)] / np.outer(diagonal, diagonal)
     inner[np.diag_indices_from(inner)] += RIDGE
     cross = matrix[take] / diagonal[:, None]
     right = np.column_stack([cross, vector[take] / diagonal])
     solution = np.linalg.solve(inner, right)
-    return matrix - cross.T @ solution[:, :-1], vector - cross.T @ solution[:, -1]
+    return cross, solution[:, :-1], solution[:, -1]
 
 
 def explained_by_blocks(
-    equations: tuple[F, F],
-    left: tuple[F, F],
+    matrix: F,
+    vector: F,
+    fixed: Sequence[int],
     blocks: Sequence[tuple[int, ...]],
     signs: F | None = None,
 ) -> F:
-    """(b,) sum of squares that each block of columns explains beyond what was projected out.
+    """(b,) sum of squares that each block of columns explains beside the fixed ones.
 
     Parameters
     ----------
-    left
-        `projected_out` of the equations; with r responses (k, r) the result is (b, r).
+    matrix, vector
+        (k, k) and (k,) normal equations of all columns.
     signs
-        Of one response: (k,) 1 or -1 for a coefficient that may only be positive or negative, else
-        0: columns of the wrong sign are left out of their block.
+        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
+        the wrong sign are left out of their block.
     """
-    squares = np.zeros((len(blocks), *left[1].shape[1:]))
-    ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    squares = np.zeros(len(blocks))
+    ridge = RIDGE * np.maximum(np.diag(matrix), 1e-200)
     signs = np.zeros(len(ridge)) if signs is None else signs
+    # Of many shapes of a few columns each: all their products would be most of the work.
+    cross, shares, own = _projection(matrix, vector, fixed)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == size).tolist()
         take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
-        matrices = left[0][take[:, :, None], take[:, None, :]]
+        of_block = cross.T[take]
+        matrices = matrix[take[:, :, None], take[:, None, :]]
+        matrices -= of_block @ shares.T[take].swapaxes(1, 2)
         matrices[:, np.arange(size), np.arange(size)] += ridge[take]
-        slopes = left[1][take]
-        slopes = slopes if slopes.ndim < 3 else np.moveaxis(slopes, 2, 0)
-        squares[which] = explained_with_signs(matrices, slopes, signs[take]).T
+        slopes = vector[take] - of_block @ own
+        squares[which] = explained_with_signs(matrices, slopes, signs[take])
     return squares
 
 
