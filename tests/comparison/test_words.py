@@ -125,6 +125,33 @@ def test_what_follows_the_last_change_of_a_pressure_is_structure(seed: int) -> N
         assert ecm.compare(ecm.fit(table, "cubic"), table).missing == (lacks > 0.0)
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("lacks", ["nothing", "friction", "a stop"])
+def test_friction_and_a_stop_at_few_visits_of_three_forces_are_structure(
+    lacks: str, seed: int
+) -> None:
+    """Sixty coefficients beside all functions in three forces left nothing to say, at 1.5 to 2."""
+    random = np.random.default_rng(seed)
+    at = 4e-3 * random.uniform(-1.0, 1.0, (160, 3))
+    force = 9.0 * at + 2e5 * at**3 + 6e-4 * random.standard_normal((160, 3))
+    if lacks == "friction":  # a tip in its sheath
+        force[:, 0] += 2e-3 * np.sign(np.diff(at[:, 0], prepend=0.0))
+    if lacks == "a stop":
+        force[:, 0] += 15.0 * np.maximum(at[:, 0] - 2.7e-3, 0.0)
+    names = ("time_s", "x_m", "y_m", "z_m", "fx_N", "fy_N", "fz_N")
+    columns = dict(zip(names, (3.0 * np.arange(160), *at.T, *force.T), strict=True))
+    meta = {"instrument": {"force_sd_N": 6e-4, "pose_position_sd_m": 1e-6}}
+    found = said(ecm.Table(columns, meta))
+    assert found.missing == (lacks != "nothing")
+
+
+def test_a_stop_beyond_a_polynomial_of_eight_degrees_is_structure() -> None:
+    """Its error was said to be noise that is stated too small, while the diagnosis named it."""
+    for height in (0.0, 15.0):
+        table = log(lambda _, angle, height=height: height * np.maximum(angle - 0.29, 0.0))
+        assert ecm.compare(ecm.fit(table, "poly:8"), table).missing == (height > 0.0)
+
+
 def test_an_error_that_only_several_components_show_is_not_said_of_one() -> None:
     """Noise of the position moves force and torque together; what parts them is small beside it."""
     random, x = np.random.default_rng(2), np.linspace(-0.01, 0.01, 80)

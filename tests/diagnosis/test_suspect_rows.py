@@ -66,7 +66,12 @@ def repeated_time(columns: dict[str, F]) -> set[int]:
     return {501}
 
 
-FAULTS = [clipped, stuck, few_rows, start_up, repeated_time]
+def held(columns: dict[str, F]) -> set[int]:
+    columns["fz_N"] = np.repeat(columns["fz_N"][::5], 5)  # the sensor answers every fifth time
+    return set(range(1, ROWS + 1)) - set(range(1, ROWS + 1, 5))
+
+
+FAULTS = [clipped, stuck, few_rows, start_up, repeated_time, held]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
@@ -79,7 +84,8 @@ def test_a_fault_is_found_by_its_rows_and_nothing_else(fault: Callable[..., set[
     # A plateau of less than four samples is no plateau.
     assert own[fault.__name__] <= rows
     assert len(own[fault.__name__]) > 0.95 * len(rows)
-    assert found(columns, "static") == {}
+    # Rows of visits may be those of a sensor at its end, or of a slower one, as well.
+    assert set(found(columns, "static")) == {fault.__name__} & {"clipped", "held"}
 
 
 @pytest.mark.parametrize("begin", ["virgin loading", "rest", "rest and loading", "hardening"])
@@ -130,7 +136,7 @@ def test_a_hold_in_which_the_load_settles_is_no_fault(end: str, reason: str) -> 
     assert set(found(columns)) == ({reason} if reason else set())
 
 
-@pytest.mark.parametrize("name", ["coarse", "ramp", "holds"])
+@pytest.mark.parametrize("name", ["coarse", "ramp", "holds", "weights"])
 def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
     columns = log()
     rng = np.random.default_rng(1)
@@ -139,6 +145,10 @@ def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
     elif name == "ramp":
         columns["y_m"] = 1e-5 * np.arange(ROWS)
         columns["fy_N"] = 3000.0 * columns["y_m"] + rng.normal(size=ROWS)
+    elif name == "weights":  # forces are typed in, and the camera goes on
+        columns["fy_N"] = np.repeat(30.0 * rng.random(ROWS // 100), 100)
+        columns["y_m"] = columns["fy_N"] / 3000.0 + 1e-5 * rng.normal(size=ROWS)
+        columns["z_m"] = 0.2 * columns["y_m"] + 1e-5 * rng.normal(size=ROWS)
     else:
         columns["y_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)
         columns["z_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)

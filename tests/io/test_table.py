@@ -200,7 +200,7 @@ def test_readings_at_the_end_of_a_range_are_told() -> None:
     (told,) = as_table({"x_m": x, "fx_N": np.maximum(force, -7.0)}).warnings
     rows = ", ".join(str(row + 1) for row in np.flatnonzero(force < -7.0))
     assert "fx_N is exactly -7 in" in told
-    assert f"leave these rows out ({rows})" in told
+    assert f"leave these rows out, by ecm check --leave-out ({rows})" in told
     # Coarse steps come again anywhere; a load may well be off.
     for other in (np.round(force / 2.0) * 2.0, np.maximum(force, 0.0)):
         assert not as_table({"x_m": x, "fx_N": other}).warnings

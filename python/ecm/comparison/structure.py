@@ -19,6 +19,7 @@ from scipy.special import chdtrc
 from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
 from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
+from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import repeat_cells
@@ -83,11 +84,16 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
     known, motion = features(rows, max(1, min(90, n // 3)))[0], _motion(rows)
-    every = np.hstack([known, other_columns(rows), _higher_degrees(rows), motion])
+    inputs = rows.base.inputs
+    bent = _higher_degrees(rows, 6 if len(inputs) <= 2 else 3)
+    every = np.hstack([known, other_columns(rows), bent, motion])
     beside = [Beside.of(whitened, in_each_component(whitener, every), own, weights, overwrite=True)]
-    if motion.shape[1]:
-        # Of few rows little is left beside all functions together: these are few.
-        beside.append(beside[0].of_others(in_each_component(whitener, motion)))
+    # Of few rows little is left beside all functions together: these are few. Friction and play of
+    # visits follow the last step, and a stop degrees beyond all those that a model may have.
+    steps = _changes(rows, () if rows.table.continuous else inputs, np.nan)
+    beyond = 3 + (MOST_OF_ONE_INPUT if len(inputs) == 1 else POLYNOMIAL_DEGREES[1])
+    few = (motion, steps, _higher_degrees(rows, beyond))
+    beside += [beside[0].of_others(in_each_component(whitener, f)) for f in few if f.shape[1]]
     tests = [one.with_sign_chance(one.omnibus_test()) for one in beside]
     cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
     repeated = lack_of_fit(whitened, cells, own.shape[2], weights)
@@ -145,10 +151,9 @@ def _chance_in_slow_noise(log: Table, beside: Beside, scored: B) -> float:
     return float(chdtrc(beside.span.rank, max(before - after, 0.0)))
 
 
-def _higher_degrees(rows: Rows) -> F:
-    """Return (N, q) polynomials above the quadratic in each coordinate: up to 6 of one or two."""
+def _higher_degrees(rows: Rows, most: int) -> F:
+    """Return (N, q) polynomials above the quadratic in each coordinate, up to degree `most`."""
     poses = rows.poses
-    most = 6 if poses.shape[1] <= 2 else 3
     moved = [pose for pose in poses.T if np.ptp(pose) > 0.0]
     return np.hstack([np.zeros((len(poses), 0)), *(_chebyshev(p, most)[:, 3:] for p in moved)])
 
@@ -159,18 +164,23 @@ def _chebyshev(values: F, most: int) -> F:
     return np.asarray(np.polynomial.chebyshev.chebvander(scaled, most))
 
 
+def _changes(rows: Rows, names: Sequence[str], rest: float) -> F:
+    """Return (N, q) the last change of each of these columns, where it varies, and its sign."""
+    if not names:
+        return np.zeros((len(rows), 0))
+    before = values_before(rows.table, names, np.full(len(names), rest))
+    changes = np.nan_to_num(rows.table.matrix(names) - before)
+    changes = changes[:, np.ptp(changes, axis=0) > 0.0]
+    return np.hstack([changes / changes.std(axis=0), np.sign(changes)])
+
+
 def _motion(rows: Rows) -> F:
     """Return (N, q) velocities and ways of a continuous test; of few columns loops over the pose.
 
     A damper follows the velocity, a loop its sign, and the width of a loop the pose. What is wrong
     of an input of an actuator follows its last change or the sign of that, of visits as well.
     """
-    columns: list[F] = []
-    for name in driven_by(rows.base):
-        before = values_before(rows.table, [name], np.zeros(1))[:, 0]
-        change = np.nan_to_num(rows.table.column(name) - before)
-        if np.ptp(change) > 0.0:
-            columns += [change / change.std(), np.sign(change)]
+    columns = list(_changes(rows, driven_by(rows.base), 0.0).T)
     found = speeds(rows.table) if rows.table.continuous else {}
     few = len(rows.base.inputs) <= 2
     for j, name in enumerate(rows.base.inputs):

@@ -22,6 +22,7 @@ from ecm.io.conventions import WrongConvention
 from ecm.io.description import read_meta, row_ranges, rows_of, shown_ranges, with_leave_out
 from ecm.io.se3 import ORDERS, read_in_other_order, rotation, transpose, turn_wrench
 from ecm.io.table import Table, read_table, unreadable_rows
+from ecm.io.validate import readings_at_an_end
 
 _SAMPLED_S = 0.5
 """Rows that follow each other faster are samples of a continuous test: no rest is as short."""
@@ -345,7 +346,7 @@ class SuspectRows:
     """
 
     reason: str
-    """start_up, clipped, stuck, few_rows or repeated_time."""
+    """start_up, clipped, stuck, held, few_rows or repeated_time."""
     words: str
     rows: tuple[int, ...]
     """Numbers from 1, those of the table's file."""
@@ -363,11 +364,12 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     - clipped: several rows at exactly the largest or smallest value of a channel;
     - stuck: a channel that stays at a value while another one moves, unless it is held: it comes
       and leaves in usual steps, and the others settle;
+    - held: a load that has a new value in every second, third, ... row, while poses move on;
     - few_rows: few rows that alone set the range of a pose column;
     - repeated_time: a time stamp of an earlier row.
 
-    In static measurements stuck alone is looked for: a wrench that is the same to the last digit,
-    in the base's axes or in the sensor's, at poses that are far apart.
+    In static measurements clipped, held and stuck are looked for: a wrench that is the same to the
+    last digit, in the base's axes or in the sensor's, at poses that are far apart.
 
     Examples
     --------
@@ -380,7 +382,7 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     ['clipped: fy_N stays at 25 (rows 12-24, 82-94, 152-164, 222-234, 292-304, 362-374)']
     """
     if not table.continuous:
-        return _stuck_sensor(table.measured())
+        return _of_visits(table.measured())
     numbers = table.numbers_in_file
     found: list[SuspectRows] = []
     names = (*table.pose_columns, *table.wrench_columns)
@@ -433,7 +435,7 @@ def _equal(changes: B) -> tuple[I, I]:
     return begins, np.diff(np.append(begins, len(changes) + 1))
 
 
-def _stuck_sensor(rows: Table) -> list[SuspectRows]:
+def _of_visits(rows: Table) -> list[SuspectRows]:
     """What `suspect_rows` finds in static measurements."""
     if not (len(rows) and rows.pose_columns) or {*rows.wrench_columns} <= {*never_excited(rows)}:
         return []
@@ -441,11 +443,35 @@ def _stuck_sensor(rows: Table) -> list[SuspectRows]:
     if rows.has(*POSE[3:], *WRENCH):
         seen.append(turn_wrench(transpose(rotation(rows.matrix(POSE[3:]))), seen[0]))
     words = "the whole wrench stays the same to the last digit while the pose moves on"
-    found = (standing(own, poses, np.ptp(poses, axis=0)) for own in seen)
-    return [
-        SuspectRows("stuck", words, tuple(rows.numbers_in_file[part].tolist()))
-        for part in next(filter(None, found), [])
-    ]
+    stands = (standing(own, poses, np.ptp(poses, axis=0)) for own in seen)
+    found: list[tuple[str, str, slice | B | I]] = []
+    found += [("stuck", words, part) for part in next(filter(None, stands), [])]
+    loads = {name: rows.column(name) for name in rows.wrench_columns}
+    found += [("clipped", said, end) for said, end in readings_at_an_end(loads)]
+    found += [part for name, load in loads.items() for part in _held(name, load, poses)]
+    numbers = rows.numbers_in_file
+    return [SuspectRows(reason, said, tuple(numbers[own].tolist())) for reason, said, own in found]
+
+
+def _held(name: str, load: F, poses: F) -> Iterator[tuple[str, str, I]]:
+    """Rows that repeat a load (N,) of a lower rate than the poses (N, k), which move on evenly.
+
+    A load that is set stays as long as it is asked to, but then poses move with its steps. That of
+    a coarse sensor stays for unequal times, or goes in equal steps.
+    """
+    begins, lengths = _equal(np.diff(load) != 0.0)
+    if len(begins) < _STUCK:
+        return
+    fewest, most = np.quantile(lengths[1:-1], [_RARE, 1.0 - _RARE])
+    steps = np.abs(np.diff(load[begins]))
+    if fewest < 2 or most > fewest + 1 or steps.max() < 2.0 * steps.min():
+        return
+    again = np.setdiff1d(np.arange(len(load)), begins)
+    moves = np.abs(np.diff(poses[:, np.ptp(poses, axis=0) > 0.0], axis=0))
+    beside, within = (np.median(moves[own - 1], axis=0) for own in (begins[1:], again))
+    if beside.size and (beside < 2.0 * within).all():
+        words = f"{name} has a new value in {len(begins)} of {len(load)} rows while the poses move"
+        yield "held", words, again
 
 
 def record_leave_out(path: Path, description: Path) -> dict[str, str]:
@@ -504,7 +530,10 @@ def _of_run(channels: Mapping[str, F], time: F) -> Iterator[tuple[str, str, I]]:
     if start:
         seconds = float(time[start] - time[0])
         yield "start_up", f"the first {seconds:.3g} s, out of the later range", np.arange(start)
+    poses = np.array([v for name, v in channels.items() if name in POSE]).reshape(-1, len(time)).T
     for name, values in channels.items():
+        if name in WRENCH:
+            yield from _held(name, values, poses)
         yield from _stays(name, values, channels)
         few = _few_rows(values) if name in POSE else ()
         if len(few):

@@ -23,7 +23,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, actuation_columns, close_name, is_standard
 from ecm.io.csv import RawTable, raw_table, read_csv, write_csv
-from ecm.io.description import Meta, as_meta, read_meta, without_rows
+from ecm.io.description import Meta, as_meta, read_meta, row_ranges, without_rows
 from ecm.io.events import Printed, Progress, Steps
 from ecm.io.extras import read_parquet, require
 from ecm.io.interrupts import uninterrupted
@@ -629,7 +629,11 @@ def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Tab
     numbers = kept[index] if left_out or len(index) < len(kept) else None
     said = (*left_out, *warnings, *one_channel_twice(columns, source))
     if meta.file.kind == "static":  # what stands still in a log has rules of its own
-        said = (*said, *readings_at_an_end(columns, kept[index], source))
+        said += tuple(
+            f"{source}: {words}: the end of the sensor's range? There the load is not known: leave "
+            f"these rows out, by ecm check --leave-out ({row_ranges(kept[index][own].tolist())})"
+            for words, own in readings_at_an_end(columns)
+        )
     return Table(columns, meta.applied(), source, said, file_rows=numbers)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from ecm.io.columns import (
     likely_name,
 )
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
-from ecm.io.description import ColumnSource, Meta, Scene, row_ranges
+from ecm.io.description import ColumnSource, Meta, Scene
 from ecm.io.se3 import to_base
 from ecm.io.settings import IMPORT, did_you_mean
 
@@ -370,22 +370,26 @@ _AT_END, _OFTEN = 4, 3
 """Rows that read the largest or smallest value, and times as many as read any other: no chance."""
 
 
-def readings_at_an_end(columns: Columns, numbers: I, source: str) -> list[str]:
-    """Say which rows (N,) read the same largest or smallest load, as a sensor at its end does."""
-    said = []
+def readings_at_an_end(columns: Columns) -> Iterator[tuple[str, B]]:
+    """Yield what is said of rows (N,) with the same largest or smallest load, and these rows.
+
+    A sensor at the end of its range reads so.
+
+    Examples
+    --------
+    >>> columns = {"fx_N": np.minimum(np.arange(30.0), 20.0)}
+    >>> [(words, int(own.sum())) for words, own in readings_at_an_end(columns)]
+    [('fx_N is exactly 20 in 10 rows, and no reading is larger', 10)]
+    """
     for name in (name for name in WRENCH if name in columns):
         values, counts = np.unique(columns[name], return_counts=True)
         if len(values) < _VALUES:
             continue
         least = max(_AT_END, _OFTEN * int(counts[1:-1].max()))
         for end in (value for value in values[[0, -1]][counts[[0, -1]] >= least] if value):
-            own = numbers[columns[name] == end]
-            said.append(
-                f"{source}: {name} is exactly {end:g} in {len(own)} rows, and no reading is "
-                f"{'smaller' if end == values[0] else 'larger'}: the end of the sensor's range? "
-                f"There the load is not known: leave these rows out ({row_ranges(own.tolist())})"
-            )
-    return said
+            own = columns[name] == end
+            size = "smaller" if end == values[0] else "larger"
+            yield f"{name} is exactly {end:g} in {own.sum()} rows, and no reading is {size}", own
 
 
 _LONGEST_M = 2.0
