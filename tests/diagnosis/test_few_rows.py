@@ -5,10 +5,12 @@ Laws are written here, by other formulas than those of the catalogue where it ha
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ecm.diagnosis import diagnose, find_missing
+from ecm.diagnosis import diagnose, find_missing, procedure
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.diagnosis.verdict import WEIGHTS
@@ -275,6 +277,20 @@ def test_degrees_that_take_in_an_effect_along_a_path_are_left_out_one_by_one() -
     assert found.addition.base == "poly:4"
     assert found.addition.remedy is not None
     assert found.addition.remedy.command.startswith("ecm fit DATA --model poly:4 --add")
+
+
+@pytest.mark.parametrize("understated", [1.0, 2.0])
+def test_a_noise_that_is_stated_too_small_asks_for_no_fewer_degrees(
+    understated: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Held-out rows err by 1.5 times what is left: fewer degrees would have names by chance."""
+    poses = nearest_first(workspace_poses(50, 1))
+    table = rows(poses, wrench(poses), 1, FORCES)
+    force_N, torque_Nm = 0.3 / understated, 0.01 / understated
+    stated = replace(INSTRUMENT, force_sd_N=force_N, torque_sd_Nm=torque_Nm)
+    table = replace(table, meta=replace(table.meta, instrument=stated))
+    monkeypatch.setattr(procedure, "one_degree_less", lambda base, table: pytest.fail(base.name))
+    assert find_missing(linear(table), table).verdict == "none"
 
 
 def planar(poses: F, read: F, random: np.random.Generator, degrees: F) -> Table:

@@ -535,7 +535,9 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
         plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE
         better = held_out_rms(again.problem, ()) < alone and not plain
         return again if better and (of_pose or again.verdict == "none") else decision
-    poorer, goes_on = problem.base, nothing and alone > FAR_BEYOND_NOISE
+    # What is left where nothing is seen is noise, though a smaller one may be stated.
+    far = FAR_BEYOND_NOISE * max(1.0, _error_left(decision))
+    poorer, goes_on = problem.base, nothing and alone > far
     while goes_on and (fewer := one_degree_less(poorer, problem.table)) is not None:
         again = against(fewer)
         left = held_out_rms(again.problem, again.accepted.effects)
@@ -544,7 +546,7 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
         if again.answer and other and left < alone:
             return again
         # Of some degrees more than one may be too many, as of rows along one path.
-        poorer, goes_on = fewer, FAR_BEYOND_NOISE < held_out_rms(again.problem, ()) < alone
+        poorer, goes_on = fewer, far < held_out_rms(again.problem, ()) < alone
     return decision
 
 
