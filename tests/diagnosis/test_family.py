@@ -271,6 +271,23 @@ def test_growth_is_named_and_its_size_found() -> None:
     assert sd < 0.05 * alpha
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_said_of_a_driver_is_all_that_follows_it(seed: int) -> None:
+    """A stiffness that saturates with a current: beside its linear part a time was said, 0.04 N."""
+    random = np.random.default_rng(seed)
+    x = random.uniform(-3e-3, 3e-3, 120)
+    coil = np.repeat(random.choice([0.0, 0.5, 1.0, 2.0, 3.0], 30), 4)
+    force = 1.6e4 * x * (1.0 + 0.05 * np.tanh(coil / 0.9)) + 0.2 * random.standard_normal(120)
+    columns = {"time_s": 10.0 * np.arange(120), "x_m": x, "fx_N": force, "coil_A": coil}
+    meta = {"instrument": {"force_sd_N": 0.2, "pose_position_sd_m": 1e-6}}
+    table = ecm.Table(columns, meta)
+    found = diagnose(ecm.fit_model(table, "cubic"), table)
+    assert found.verdict == "family"
+    assert found.unknown is not None
+    assert found.unknown.words.startswith("fx follows coil_A*x_m (+0.")
+    assert found.unknown.variables == ("coil_A", "x_m")
+
+
 @pytest.mark.parametrize("component", range(6))
 def test_one_stiffness_that_follows_a_driver_is_no_name(component: int) -> None:
     """What acts on one component alone, as a torsion modulus does, has no effect: a family has."""

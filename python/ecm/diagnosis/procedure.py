@@ -607,6 +607,8 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
             words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
             unknown = replace(unknown, words=words, variables=("pose",), nearest=None, template="")
         return replace(decision, unknown=unknown)
+    # All of it follows the driver: what imitates a part of that is no name, and takes nothing off.
+    unknown = describe(problem, residual_after(problem, ()), (), decision.gate.structure)
     variables = tuple(dict.fromkeys([*family.columns, *unknown.variables]))
     unknown = replace(unknown, variables=variables, template=family.draft)
     said = replace(decision, verdict="family", unknown=unknown, family=family)
