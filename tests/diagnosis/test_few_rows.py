@@ -20,10 +20,11 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.se3 import rotation
 from ecm.io.table import Table, as_table
-from ecm.models import fit_model
+from ecm.models import fit, fit_model
+from ecm.models.energy import Symmetry
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import joint_fit
-from ecm.models.maps import EnergyTerms
+from ecm.models.maps import EnergyTerms, StiffnessMap
 from ecm.regression.noise import Noise
 from support.campaigns import INSTRUMENT, NOISE, campaign, model, workspace_poses
 from support.stand_in import L, wrench
@@ -291,6 +292,27 @@ def test_a_noise_that_is_stated_too_small_asks_for_no_fewer_degrees(
     table = replace(table, meta=replace(table.meta, instrument=stated))
     monkeypatch.setattr(procedure, "one_degree_less", lambda base, table: pytest.fail(base.name))
     assert find_missing(linear(table), table).verdict == "none"
+
+
+@pytest.mark.parametrize(("ripple_N", "asked"), [(0.8, False), (5.0, True)])
+def test_no_other_form_is_asked_to_err_less_than_the_noise(
+    ripple_N: float, asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of an error of 1.5 times the noise is below it: no energy leaves as little."""
+    poses = workspace_poses(80, 3)
+    table = rows(poses, wrench(poses), 3)
+    ripple = ripple_N * np.sign(np.sin(0.7 * np.arange(80)))
+    table = table.with_columns({"fy_N": table.column("fy_N") + ripple})
+    tried: list[str] = []
+
+    def energy_with(symmetry: Symmetry, table: Table) -> StiffnessMap:
+        tried.append(symmetry)
+        return fit.energy_with(symmetry, table)
+
+    monkeypatch.setattr(procedure, "energy_with", energy_with)
+    found = find_missing(linear(table), table)
+    assert found.verdict not in ("none", "named", "ambiguous")
+    assert bool(tried) is asked
 
 
 def planar(poses: F, read: F, random: np.random.Generator, degrees: F) -> Table:
