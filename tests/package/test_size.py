@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_951, 200),
+    "python/ecm": (43_985, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_210, 238),
+    "tests": (35_276, 238),
     "crates": (34_548, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-friction of several directions as one vector in Python, Rust and C (70 lines), a zero of the sensor
-that begins at a moment or a run (20), logs in Shift-JIS (15); a test of each."""
+loads of a sensor that is read at a lower rate, and at its end in rows at rest (30 lines in Python),
+and tests of these, of what `compare` sees, and of forms that need not be asked (66)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -598,17 +598,18 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
                 return decision
             decision, chances = fallen
             accepted = decision.accepted
-        left = residual_after(problem, accepted.effects)
-        unknown = describe(problem, left, accepted.effects, decision.gate.structure)
-        decision = replace(decision, verdict="unknown", unknown=unknown)
     family = find_family(problem, chances, accepted.classes)
+    if unknown is None or family is not None:
+        # All follows the driver: what imitates a part of that is no name, and takes nothing off.
+        effects = accepted.effects if family is None else ()
+        left = residual_after(problem, effects)
+        unknown = describe(problem, left, effects, decision.gate.structure)
+    decision = replace(decision, verdict="unknown", unknown=unknown)
     if family is None:
         if chances.of_pose >= SURE and not set(unknown.variables) <= set(problem.base.inputs):
             words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
             unknown = replace(unknown, words=words, variables=("pose",), nearest=None, template="")
         return replace(decision, unknown=unknown)
-    # All of it follows the driver: what imitates a part of that is no name, and takes nothing off.
-    unknown = describe(problem, residual_after(problem, ()), (), decision.gate.structure)
     variables = tuple(dict.fromkeys([*family.columns, *unknown.variables]))
     unknown = replace(unknown, variables=variables, template=family.draft)
     said = replace(decision, verdict="family", unknown=unknown, family=family)
