@@ -167,9 +167,11 @@ def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> N
             export_files(model, "c", loop=stated)
     assert export_files(model, "c", loop=LoopSettings()).left_out == ()
     assert export_files(model, "rust").left_out == ()
-    damped = ViscousDamping("theta_z_rad>tau_z_Nm", 1.0)
-    damps = with_effects(fit_model(table, "cubic"), (damped, [0.1]))
-    assert any("ecm predict has it" in note for note in export_files(damps, "c").notes)
+    for power, left_out in ((1.0, ()), (0.3, ("viscous_damping",))):
+        damped = ViscousDamping("theta_z_rad>tau_z_Nm", power)
+        exported = export_files(with_effects(fit_model(table, "cubic"), (damped, [0.1])), "c")
+        assert exported.left_out == left_out
+    assert any("the power 0.3 of the velocity" in note for note in exported.notes)
     neck = fit_model(campaign(seed=3), "linear")
     with pytest.raises(InputError, match=r"--delay \(delay_s\): no file of this model for"):
         export_files(neck, "mujoco", loop=LoopSettings(2.0, 0.01, delay_s=0.01))

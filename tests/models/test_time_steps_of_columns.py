@@ -12,6 +12,7 @@ import pytest
 
 from ecm.effects.ageing import MullinsSoftening, TemperatureModulus, ThermalExpansion
 from ecm.effects.friction import Hysteresis
+from ecm.effects.motion import ViscousDamping
 from ecm.effects.relaxation import StressRelaxation
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -178,6 +179,28 @@ def test_springs_that_slip_together_step_in_c_as_python_predicts(
     """A coordinate that no spring holds has no part in their limit."""
     model = with_memory(cubic(*PLANAR), "linear", pairs, together=True)
     steps_as_predicted(model, *motion(PLANAR[0], 3000, 1), tmp_path)
+
+
+def test_a_damper_of_columns_steps_in_c_with_the_mean_velocity(tmp_path: Path) -> None:
+    """Forces of each column, and of a column on another, over the step before."""
+    pairs = {"x_m>fx_N": 60.0, "z_m>-fz_N": 30.0, "theta_y_rad>tau_y_Nm": 0.02, "z_m>fx_N": 20.0}
+    damper = ViscousDamping(",".join(pairs), 1.0)
+    model = with_effects(cubic(*PLANAR), (damper, list(pairs.values())))
+    matrix = np.array([[60.0, 20.0, 0.0], [0.0, -30.0, 0.0], [0.0, 0.0, 0.02]])
+    time, poses = motion(PLANAR[0], 500, 1)
+    code = Code(model, tmp_path)
+    said = code.along(time, poses)
+    static = model.base.predict(poses)
+    rates = np.diff(poses, axis=0) / np.diff(time)[:, None]
+    np.testing.assert_allclose(said[0], static[0], rtol=1e-12)
+    scale = np.abs(said).max(axis=0)
+    drags = (said - static)[1:]
+    assert (np.abs(drags).max(axis=0) > 0.003 * scale).all()
+    np.testing.assert_allclose(drags / scale, rates @ matrix.T / scale, rtol=0.0, atol=1e-12)
+    slope = code.slope(poses[0], 0.03)
+    np.testing.assert_allclose(
+        code.step(poses[0], 0.03)[1], slope, rtol=1e-5, atol=1e-5 * np.abs(slope).max()
+    )
 
 
 @pytest.mark.parametrize("width", [0.0, 8.0])

@@ -34,7 +34,7 @@ fn effects(all: bool) -> Effects<f64> {
         effects.growth_per_kelvin = 3e-5;
         effects.ageing_per_s = 1e-6;
         effects.settling_per_s = 1e-4;
-        effects.damping = [30.0, 0.1];
+        effects.damping = diagonal(&[30.0, 30.0, 30.0, 0.1, 0.1, 0.1]);
         effects.softening.share = 0.08;
         effects.set_share = 0.02;
     }
@@ -253,7 +253,7 @@ proptest! {
         // Without damping, which is one of the top frame, W and set, which are of the pose, and friction,
         // whose springs slip along two fixed axes.
         let mut effects = effects(true);
-        effects.damping = [0.0; 2];
+        effects.damping = [[0.0; 6]; 6];
         effects.softening.share = 0.0;
         effects.set_share = 0.0;
         effects.friction = [[0.0; 6]; 6];

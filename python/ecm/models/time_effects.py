@@ -24,6 +24,7 @@ from ecm.effects.ageing import (
     ThermalExpansion,
 )
 from ecm.effects.friction import Hysteresis
+from ecm.effects.motion import ViscousDamping
 from ecm.effects.pairs import listed_pairs, numbers, turns
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
@@ -422,8 +423,16 @@ def _warn_of_range(found: TimeEffects, effect: Effect, what: str, inside: str) -
     )
 
 
-def _damping(found: TimeEffects, model: EvaluatedModel, effect: Effect, values: F) -> str:
-    found.document["damping"] = [float(values[0]), float(values[1])]
+def _damping(found: TimeEffects, model: EvaluatedModel, effect: ViscousDamping, values: F) -> str:
+    if effect.of is None:
+        found.document["damping"] = [float(values[0]), float(values[1])]
+    elif effect.exponent != 1.0:
+        return f"it follows the power {effect.exponent:g} of the velocity, which no step has"
+    else:
+        damping = np.zeros((len(WRENCH), len(POSE)))
+        for (name, other, sign), value in zip(listed_pairs(effect.of), values, strict=True):
+            damping[WRENCH.index(other), POSE.index(name)] = sign * value
+        found.document["damping"] = damping.ravel().tolist()
     size = model.training.get("effect_sizes", {}).get(effect.id, 0.0)
     if size > _SMALL and not model.noise.is_residual:
         # In a sine of f Hz half a step dt turns the velocity by pi f dt.
@@ -498,7 +507,7 @@ _WITH_A_MEMORY = {
 }  # fmt: skip
 _BY_COLUMNS = (
     "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing",
-    "mullins_softening",
+    "mullins_softening", "viscous_damping",
 )  # fmt: skip
 _NOT_BY_COLUMNS = (
     "with fewer than all six columns it has no step; ecm predict has it for a whole table"

@@ -211,6 +211,7 @@ impl Steps {
         let kept = 3 * n + 5 * m + 1;
         let flags = |of: &[usize]| list(of.iter().map(|&place| u8::from(place > 2).to_string()));
         let matrix = |of: &Mat6<f64>| row(&places.of_matrix(of).concat());
+        let damped = effects.damping.as_flattened().iter().any(|&x| x != 0.0);
         let ahead = stack + (kept + 16) * precision.size();
         let ranges = effects.input_ranges();
         let parts = [
@@ -246,6 +247,7 @@ impl Steps {
                 ("MOMENTS", &flags(&places.outputs)),
                 ("PAIRS", &n.min(m).to_string()),
                 ("COUPLED", &u8::from(effects.columns.is_some()).to_string()),
+                ("DAMPED", &u8::from(damped).to_string()),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("GROWTH", &number(effects.growth_per_kelvin)),
@@ -264,7 +266,7 @@ impl Steps {
                 ("SETSHARE", &number(effects.set_share)),
                 ("LEASTINPUTS", &row(&ranges.map(|r| r[0]))),
                 ("LARGESTINPUTS", &row(&ranges.map(|r| r[1]))),
-                ("DAMPING", &row(&effects.damping)),
+                ("DAMPING", &matrix(&effects.damping)),
                 ("FACTORIALS", &row(&factorials)),
                 ("EPSILON", &number(precision.epsilon())),
             ],

@@ -361,7 +361,7 @@ fn steps<R: Real>(
             ("GROWTH", &number(effects.growth_per_kelvin)),
             ("AGEING", &number(effects.ageing_per_s)),
             ("SETTLING", &number(effects.settling_per_s)),
-            ("DAMPING", &row(&effects.damping)),
+            ("DAMPING", &rows(&effects.damping)),
             ("SOFTENING", &softening),
             ("SETSHARE", &number(effects.set_share)),
             ("TEMPERATURES", &range(&effects.temperature_range_degc)),

@@ -50,7 +50,10 @@ impl Effects<f64> {
         effects.slip = numbers(document, "slip")?;
         effects.play = numbers(document, "play")?;
         effects.together = document.get("together") == Some(&Value::Bool(true));
-        effects.damping = numbers(document, "damping")?;
+        effects.damping = match numbers(document, "damping") {
+            Ok([along, about]) => diagonal(&[along, along, along, about, about, about]),
+            Err(_) => matrix(document, "damping")?,
+        };
         effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
         effects.growth_per_kelvin = number(document, "growth_per_kelvin", Some(0.0))?;
@@ -88,7 +91,7 @@ impl Effects<f64> {
             ("temperature_modulus", self.softer_per_kelvin != 0.0),
             ("thermal_expansion", self.growth_per_kelvin != 0.0),
             ("ageing", self.ageing_per_s != 0.0),
-            ("viscous_damping", any(&self.damping)),
+            ("viscous_damping", any(self.damping.as_flattened())),
             ("mullins_softening", self.softening.share != 0.0),
             ("permanent_set", self.set_share != 0.0),
         ];
@@ -135,7 +138,7 @@ impl Effects<f64> {
             growth_per_kelvin: R::from_f64(self.growth_per_kelvin),
             ageing_per_s: R::from_f64(self.ageing_per_s),
             settling_per_s: R::from_f64(self.settling_per_s),
-            damping: self.damping.map(R::from_f64),
+            damping: self.damping.map(six),
             softening: Softening {
                 share: R::from_f64(self.softening.share),
                 width: R::from_f64(self.softening.width),

@@ -1,5 +1,7 @@
 //! The constants of the effects of time that a stepper carries.
 
+use core::ops::Range;
+
 use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
 
 use super::Decay;
@@ -138,8 +140,8 @@ pub struct Effects<R> {
     pub ageing_per_s: R,
     /// 1/τ (1/s) of the ageing; 0: it is steady.
     pub settling_per_s: R,
-    /// D (N s/m, N m s/rad) of translation and of rotation.
-    pub damping: [R; 2],
+    /// D in D p': force or moment per rate of the pose, a diagonal where there is a frame.
+    pub damping: Mat6<R>,
     /// Softening below the largest load W_max.
     pub softening: Softening<R>,
     /// Share of the deflection at W_max that stays as a set s: h(p − s).
@@ -176,7 +178,7 @@ impl<R: Real> Effects<R> {
             growth_per_kelvin: R::ZERO,
             ageing_per_s: R::ZERO,
             settling_per_s: R::ZERO,
-            damping: [R::ZERO; 2],
+            damping: [[R::ZERO; 6]; 6],
             softening: Softening::none(),
             set_share: R::ZERO,
             temperature_range_degc: None,
@@ -212,6 +214,15 @@ impl<R: Real> Effects<R> {
         let warmer = inputs.temperature_degc - self.reference_degc;
         let grown = inputs.age_s * Decay::new(inputs.age_s * self.settling_per_s).share;
         R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * grown
+    }
+
+    /// Coordinates that act on force i: in a frame stiffness, friction and damping are diagonal.
+    #[inline(always)]
+    pub(crate) fn coupled(&self, i: usize) -> Range<usize> {
+        match self.columns {
+            Some(_) => 0..6,
+            None => i..i + 1,
+        }
     }
 
     #[inline(always)]

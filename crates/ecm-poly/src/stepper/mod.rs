@@ -171,11 +171,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         }
         for i in 0..6 {
             let (stiffness, friction) = (&effects.stiffness[i], &effects.friction[i]);
-            // In a frame both are diagonal.
-            let coupled = match effects.columns {
-                Some(_) => 0..6,
-                None => i..i + 1,
-            };
+            let coupled = effects.coupled(i);
             let linear_step = coupled
                 .clone()
                 .fold(R::ZERO, |sum, j| sum + stiffness[j] * along[j]);
@@ -249,20 +245,22 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             }
         }
         let moved = self.moved(&q, &state.coordinates);
-        for j in 0..6 {
-            let damping = if dt > R::ZERO {
-                effects.damping[j / 3] / dt
-            } else {
-                R::ZERO
-            };
-            // A dt so short that this overflows is a sudden move as well.
-            if damping.is_finite() {
-                let more = damping * moved[j];
-                match j {
-                    0..3 => wrench.force[j] += more,
-                    _ => wrench.torque[j - 3] += more,
+        for (i, row) in tangent.iter_mut().enumerate() {
+            for j in effects.coupled(i) {
+                let damping = if dt > R::ZERO {
+                    effects.damping[i][j] / dt
+                } else {
+                    R::ZERO
+                };
+                // A dt so short that this overflows is a sudden move as well.
+                if damping.is_finite() {
+                    let more = damping * moved[j];
+                    match i {
+                        0..3 => wrench.force[i] += more,
+                        _ => wrench.torque[i - 3] += more,
+                    }
+                    row[j] += damping;
                 }
-                tangent[j][j] += damping;
             }
         }
         if here.load > state.largest {
@@ -352,7 +350,8 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     /// Change of the pose between two q; not at all where they are equal.
     #[inline(always)]
     fn moved(&self, q: &Vec6<R>, before: &Vec6<R>) -> Vec6<R> {
-        if self.effects.damping[0] * self.effects.damping[0] <= R::ZERO {
+        let along = self.effects.damping[0][0];
+        if self.effects.columns.is_some() || along * along <= R::ZERO {
             return core::array::from_fn(|j| q[j] - before[j]);
         }
         let [now, then] = [q, before].map(|q| frame::pose_of(&self.effects, q));

@@ -91,7 +91,7 @@ fn exported_c_steps_through_a_golden_history() {
             (".c", "tau_of[2] = {", "R(1)+"),
             (".c", &format!("friction_of[{}] = {{", n * m), "R(1)+"),
             (".c", &format!("slip_of[{n}] = {{"), "R(1)+"),
-            (".c", "damping_of[2] = {", "R(1)+"),
+            (".c", &format!("damping_of[{}] = {{", n * m), "R(1)+"),
             (".c", "softer_per_kelvin = ", "R(1)+"),
             (".c", "growth_per_kelvin = ", "R(1)+"),
             (".c", "ageing_per_s = ", "R(1)+"),

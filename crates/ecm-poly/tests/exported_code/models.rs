@@ -77,7 +77,7 @@ pub fn effects() -> Effects<f64> {
     effects.growth_per_kelvin = 2e-5;
     effects.ageing_per_s = 1e-5;
     effects.settling_per_s = 1.0 / 3e3;
-    effects.damping = [2e-3, 2e-4];
+    effects.damping = diagonal(&[2e-3, 2e-3, 2e-3, 2e-4, 2e-4, 2e-4]);
     effects.softening.share = 0.1;
     effects.set_share = 0.02;
     effects.temperature_range_degc = Some([15.0, 30.0]);
@@ -92,6 +92,7 @@ pub fn effects_of_columns() -> Effects<f64> {
     effects.columns = Some([[-1e3; 6], [1e3; 6]]);
     (effects.stiffness[0][2], effects.stiffness[1][0]) = (7.0, -3.0);
     effects.friction[1][2] = 5.0;
+    effects.damping[0][1] = 3e-3;
     effects.softening = Softening {
         share: 0.1,
         width: 0.4,

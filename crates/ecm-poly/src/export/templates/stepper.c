@@ -18,14 +18,14 @@ static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real softening_width = R(@SOFTWIDTH@), load_of_pose[@N@] = {@LOADOFPOSE@};
 static const real load_of_wrench[@M@] = {@LOADOFWRENCH@};
 enum { HYPERBOLIC = @HYPERBOLIC@, BY_WORK = @BYWORK@ };
-static const real damping_of[2] = {@DAMPING@};
+static const real damping_of[@NM@] = {@DAMPING@};
 static const real farthest_of[] = {@FARTHEST@};
 /* 1 for an angle of p, or a moment of h */
 static const uint8_t is_angle[@N@] = {@ANGLES@}, is_moment[@M@] = {@MOMENTS@};
 /* Of a load that does work p and h go in pairs. */
 enum { PAIRS = @PAIRS@ };
-/* Whether stiffness and friction couple coordinates: in a frame they are diagonal. */
-enum { COUPLED = @COUPLED@ };
+/* Whether stiffness, friction and damping couple coordinates: in a frame they are diagonal. */
+enum { COUPLED = @COUPLED@, DAMPED = @DAMPED@ };
 /* Whether springs slip as one, where the length of their stretches over these limits is 1. */
 enum { TOGETHER = @TOGETHER@ };
 
@@ -365,15 +365,18 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
             k[i] += set_k[i];
         }
     }
-    if (damping_of[0] * damping_of[0] + damping_of[1] * damping_of[1] > R(0)) {
+    if (DAMPED) {
         moved_since(state, here.frame.q, moved);
     }
-    for (int32_t j = 0; j < PAIRS; j++) {
-        const real damping = dt > R(0) ? damping_of[is_angle[j]] / dt : R(0);
-        /* A dt so short that this overflows is a sudden move as well. */
-        if (damping * damping > R(0) && is_finite(damping)) {
-            h[j] += damping * moved[j];
-            k[(@N@ + 1) * j] += damping;
+    for (int32_t i = 0; i < @M@ && DAMPED; i++) {
+        const int32_t first = COUPLED ? 0 : i, end = COUPLED ? @N@ : i + 1;
+        for (int32_t j = first; j < end; j++) {
+            const real damping = dt > R(0) ? damping_of[@N@ * i + j] / dt : R(0);
+            /* A dt so short that this overflows is a sudden move as well. */
+            if (is_finite(damping)) {
+                h[i] += damping * moved[j];
+                k[@N@ * i + j] += damping;
+            }
         }
     }
     for (int32_t j = 0; j < @N@; j++) {
