@@ -599,7 +599,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
             decision, chances = fallen
             accepted = decision.accepted
     family = find_family(problem, chances, accepted.classes)
-    if unknown is None or family is not None:
+    if unknown is None or (family is not None and unknown.pattern is None):
         # All follows the driver: what imitates a part of that is no name, and takes nothing off.
         effects = accepted.effects if family is None else ()
         left = residual_after(problem, effects)
