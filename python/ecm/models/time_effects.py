@@ -260,6 +260,14 @@ def _places(model: EvaluatedModel) -> tuple[I, I]:
     return np.array(outputs)[:, None], np.array(inputs)[None]
 
 
+def _of_pairs(of: str, values: F) -> F:
+    """(6, 6) matrix with the value of each pair at its wrench and pose column, with its sign."""
+    matrix = np.zeros((len(WRENCH), len(POSE)))
+    for (name, other, sign), value in zip(listed_pairs(of), values, strict=True):
+        matrix[WRENCH.index(other), POSE.index(name)] = sign * value
+    return matrix
+
+
 def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F) -> str:
     """Add the constants of one effect, or say why it has no step."""
     if effect.id in _MAKERS:
@@ -331,10 +339,7 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
         paths = numbers(effect.slip)
         slip = np.array([paths.get(name, 0.0) for name in POSE])
         pulls = slip * (1.0 - effect.play)
-        friction = np.zeros((len(WRENCH), len(POSE)))
-        for (name, other, sign), value in zip(listed_pairs(effect.of), values, strict=True):
-            j = POSE.index(name)
-            friction[WRENCH.index(other), j] = sign * value / pulls[j]
+        friction = _of_pairs(effect.of, values) / np.where(pulls > 0.0, pulls, 1.0)
         found.document["friction"] = friction.ravel().tolist()
         found.document["slip"] = slip.tolist()
         found.document["play"] = (slip - pulls).tolist()
@@ -429,10 +434,7 @@ def _damping(found: TimeEffects, model: EvaluatedModel, effect: ViscousDamping, 
     elif effect.exponent != 1.0:
         return f"it follows the power {effect.exponent:g} of the velocity, which no step has"
     else:
-        damping = np.zeros((len(WRENCH), len(POSE)))
-        for (name, other, sign), value in zip(listed_pairs(effect.of), values, strict=True):
-            damping[WRENCH.index(other), POSE.index(name)] = sign * value
-        found.document["damping"] = damping.ravel().tolist()
+        found.document["damping"] = _of_pairs(effect.of, values).ravel().tolist()
     size = model.training.get("effect_sizes", {}).get(effect.id, 0.0)
     if size > _SMALL and not model.noise.is_residual:
         # In a sine of f Hz half a step dt turns the velocity by pi f dt.
