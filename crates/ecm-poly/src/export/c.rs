@@ -211,7 +211,6 @@ impl Steps {
         let kept = 3 * n + 5 * m + 1;
         let flags = |of: &[usize]| list(of.iter().map(|&place| u8::from(place > 2).to_string()));
         let matrix = |of: &Mat6<f64>| row(&places.of_matrix(of).concat());
-        let damped = effects.damping.as_flattened().iter().any(|&x| x != 0.0);
         let ahead = stack + (kept + 16) * precision.size();
         let ranges = effects.input_ranges();
         let parts = [
@@ -247,7 +246,7 @@ impl Steps {
                 ("MOMENTS", &flags(&places.outputs)),
                 ("PAIRS", &n.min(m).to_string()),
                 ("COUPLED", &u8::from(effects.columns.is_some()).to_string()),
-                ("DAMPED", &u8::from(damped).to_string()),
+                ("DAMPED", &u8::from(effects.damps()).to_string()),
                 ("WARMER", &number(effects.softer_per_kelvin)),
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("GROWTH", &number(effects.growth_per_kelvin)),

@@ -226,6 +226,11 @@ impl<R: Real> Effects<R> {
     }
 
     #[inline(always)]
+    pub(crate) fn damps(&self) -> bool {
+        self.damping.as_flattened().iter().any(|&d| d * d > R::ZERO)
+    }
+
+    #[inline(always)]
     pub(crate) fn grows(&self) -> bool {
         self.growth_per_kelvin * self.growth_per_kelvin > R::ZERO
     }

@@ -244,22 +244,20 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 }
             }
         }
-        let moved = self.moved(&q, &state.coordinates);
-        for (i, row) in tangent.iter_mut().enumerate() {
-            for j in effects.coupled(i) {
-                let damping = if dt > R::ZERO {
-                    effects.damping[i][j] / dt
-                } else {
-                    R::ZERO
-                };
-                // A dt so short that this overflows is a sudden move as well.
-                if damping.is_finite() {
-                    let more = damping * moved[j];
-                    match i {
-                        0..3 => wrench.force[i] += more,
-                        _ => wrench.torque[i - 3] += more,
+        if dt > R::ZERO && effects.damps() {
+            let moved = self.moved(&q, &state.coordinates);
+            for (i, row) in tangent.iter_mut().enumerate() {
+                for j in effects.coupled(i) {
+                    let damping = effects.damping[i][j] / dt;
+                    // A dt so short that this overflows is a sudden move as well.
+                    if damping.is_finite() {
+                        let more = damping * moved[j];
+                        match i {
+                            0..3 => wrench.force[i] += more,
+                            _ => wrench.torque[i - 3] += more,
+                        }
+                        row[j] += damping;
                     }
-                    row[j] += damping;
                 }
             }
         }
