@@ -15,7 +15,7 @@ nothing, and with effects that may be named: a process of their columns, each of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -64,8 +64,6 @@ class Driver:
     """Effects of the catalogue that it drives."""
     experiment: str
     """Id or action of the experiment that shows its form."""
-    forms: tuple[F, ...]
-    """Whitened (N, m, q) processes of it, each as likely."""
     column: str = ""
     """Column of the table that it is; empty where it follows from the order of the rows."""
     history: Mapping[str, tuple[str, F]] = field(default_factory=dict)
@@ -210,18 +208,20 @@ def posterior(
     freedom = y.size - base.shape[1]
 
     accepted = frozenset(item.id for item in (*named, *others))
-    drivers = tuple(_drivers(problem, accepted))
-    processes = [
-        [problem.whitener.in_time(form) for form in forms]
-        for forms in (*(one.forms for one in drivers), tuple(_of_pose(problem)))
-    ]
+
+    def fitted(forms: Iterable[F]) -> list[tuple[F, F]]:
+        return [_of_sizes(beside_base(problem.whitener.in_time(form)), y) for form in forms]
+
+    # Each form is dropped when it is fitted: those of all drivers are a large part of the memory.
+    told = [(driver, fitted(forms)) for driver, forms in _drivers(problem, accepted)]
+    drivers = tuple(driver for driver, _ in told)
+    fits = [*(fit for _, fit in told), fitted(_of_pose(problem))]
     if named:
         # What an effect would explain beyond a bound of zero is not this effect.
         fit = bounded_estimate(problem, named, named)
         zero = fit.at_bound & (np.abs(fit.theta) < _ZERO)
         within = (fit.columns >= problem.n_base) & ~zero
-        processes.append([problem.design[:, :, fit.columns[within]]])
-    fits = [[_of_sizes(beside_base(form), y) for form in forms] for forms in processes]
+        fits.append([_of_sizes(beside_base(problem.design[:, :, fit.columns[within]]), y)])
     # A process is no more exact than the form of an effect: what that may lose tells nothing, and
     # what may be left without a word is as noise. Nor does what an effect of the model may lose.
     held = 0.0 if named else problem.held
@@ -237,7 +237,7 @@ def posterior(
     unit = max(1.0, FORM_SHARE * max(float(gains.max()), 0.5 * held))
     shares = np.exp((gains - gains.max()) / unit)
     # Before the data nothing is as likely as all else together.
-    shares[-1] *= len(processes)
+    shares[-1] *= len(fits)
     if named:
         # One cause is likelier than two that act together as one.
         shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)
@@ -277,8 +277,11 @@ _COLUMNS = {
 """Column -> words, effects that it drives, experiment, cosines of it."""
 
 
-def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[Driver]:
-    """Yield the drivers that vary in these rows."""
+def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[tuple[Driver, Iterable[F]]]:
+    """Yield the drivers that vary in these rows, each with (N, m, q) processes, each as likely.
+
+    The processes are whitened row by row.
+    """
     table = problem.table
     named = candidate_covariates(table, problem.base.inputs, problem.base.outputs)
     own = [name for name in named if name not in KNOWN]
@@ -294,17 +297,11 @@ def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[Driver]:
         # Along one loading curve a variable cannot be told from the pose.
         of_pose = any(in_one_order(values, own, least=_NO_OTHER) for own in problem.rows.poses.T)
         if np.ptp(values) > 0.0 and not of_pose:
-            of_column: list[F] = []
-            for one in (values, *_lagging(problem.rows, column)):
-                functions = _cosines(one, count)
-                free = _free(problem, functions)
-                factors = _factors(problem, functions)
-                of_column += [np.concatenate([free, factor], axis=2) for factor in factors]
-            yield Driver(words, like, experiment, tuple(of_column), column)
+            yield Driver(words, like, experiment, column), _of_column(problem, column, count)
     rest = np.log(np.maximum(_values(table, "dwell_s"), 0.1))
     if np.ptp(rest) > 0.0:
         forms = _factors(problem, _cosines(rest, 3))
-        yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", forms, "dwell_s")
+        yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", "dwell_s"), forms
     if has_order(table) or table.has("approach"):
         yield from _of_history(problem, _before(problem.rows), accepted)
 
@@ -323,7 +320,17 @@ def _lagging(rows: Rows, column: str) -> Iterator[F]:
             yield rows.of_whole(values) - ahead[:, 0]
 
 
-def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterator[Driver]:
+def _of_column(problem: Problem, column: str, count: int) -> Iterator[F]:
+    """Yield (N, m, q) what follows a column: functions of it, and factors on the wrench."""
+    for values in (_values(problem.table, column), *_lagging(problem.rows, column)):
+        functions = _cosines(values, count)
+        for factor in _factors(problem, functions):
+            yield np.concatenate([_free(problem, functions), factor], axis=2)
+
+
+def _of_history(
+    problem: Problem, before: F, accepted: frozenset[str]
+) -> Iterator[tuple[Driver, Iterable[F]]]:
     """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
     rows = problem.rows
     spread = rms_of_columns(rows.poses - rows.middle_pose) + 1e-12
@@ -343,7 +350,7 @@ def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterat
     signs = {
         f"the way along {name}": (text.format(at), np.sign(step[:, j])) for j, name, at in names
     }
-    yield Driver("the way to the pose", like, "both_sides", (way,), "approach", signs)
+    yield Driver("the way to the pose", like, "both_sides", "approach", signs), [way]
     whole = rows.whole
     moved = (whole.measured.poses - rows.middle_pose) / spread
     of_pose = [j for j, name, _ in names if name in POSE]
@@ -354,17 +361,16 @@ def _of_history(problem: Problem, before: F, accepted: frozenset[str]) -> Iterat
         # Along the path of a log a free process of it takes in friction that has a name as well.
         # There the row before is no more than the row itself.
         places = [*(() if continuous else (visit,)), *_fading(rows, moved[:, of_pose])]
-        forms = tuple(_free(problem, one) for one in places)
-        relaxes = ("stress_relaxation",)
-        yield Driver("the poses before", relaxes, "both_sides", forms, history=visits)
+        poses_before = Driver("the poses before", ("stress_relaxation",), "both_sides", "", visits)
+        yield poses_before, (_free(problem, one) for one in places)
     if has_order(problem.table):
         sizes = _sizes_of_load(whole)
-        forms = tuple(f for one in sizes for f in _factors(problem, _of_memory(rows, one)))
         text = "np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))"
         load = np.maximum.accumulate(np.linalg.norm(rows.wrench, axis=1))
-        yield Driver("the largest deflection so far", ("mullins_softening",),
-                     "conditioning_cycles", forms, "",
-                     {"the largest wrench so far": (text, load)})  # fmt: skip
+        so_far = Driver("the largest deflection so far", ("mullins_softening",),
+                        "conditioning_cycles", "",
+                        {"the largest wrench so far": (text, load)})  # fmt: skip
+        yield so_far, (f for one in sizes for f in _factors(problem, _of_memory(rows, one)))
 
 
 def _velocities(rows: Rows) -> F:

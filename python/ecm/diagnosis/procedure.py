@@ -265,6 +265,7 @@ def in_slow_noise(
     most = max(LEAST_ROWS, len(problem.table) // _APART)
     for _ in range(1 if problem.noise.is_assumed else _MOST_PASSES):
         before = {item.id for item in found.accepted.effects}
+        del found  # its columns are a large part of the memory
         found = of_rows(replace(problem.settings, most_rows=most), slow)
         slow = _slow_part(found.problem, found.accepted.effects) or slow
         if {item.id for item in found.accepted.effects} == before:

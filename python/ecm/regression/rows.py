@@ -457,11 +457,26 @@ class Rows:
         n = len(self.base.inputs)
         return self.taken("median_pose", lambda: np.median(self.poses, axis=0), n)
 
+    def _with(self, name: str, value: Any) -> Rows:
+        """These rows with another value of a field, made once; themselves where it is the same.
+
+        Themselves are not kept: in such a circle the arrays of each step of a fit would stay.
+        """
+        if getattr(self, name) is value:
+            return self
+        if name not in self._others:
+            self._others[name] = replace(self, **{name: value})
+        return self._others[name]
+
     @cached_property
+    def _others(self) -> dict[str, Rows]:
+        return {}
+
+    @property
     def whole(self) -> Rows:
         """All rows of the table that a subsample was chosen from; else these rows."""
         whole = self.table.sampled_from
-        return self if whole is None else replace(self, table=whole)
+        return self._with("table", self.table if whole is None else whole)
 
     def under(self, base: BaseMap, of_fit: dict[str, Any]) -> Rows:
         """Return the same rows under a map of the same inputs; what is known of them is kept."""
@@ -470,21 +485,21 @@ class Rows:
             vars(own)["poses"] = mine.poses
         return moved
 
-    @cached_property
+    @property
     def quieted(self) -> Rows:
         """The same rows, of a log with `quiet` poses."""
-        return replace(self, quiet=True) if self.table.continuous else self
+        return self._with("quiet", self.quiet or self.table.continuous)
 
-    @cached_property
+    @property
     def measured(self) -> Rows:
         """The same rows at their measured poses."""
-        return replace(self, quiet=False) if self.quiet else self
+        return self._with("quiet", False)
 
     def of_whole(self, values: F) -> F:
         """(N, ...) the values of these rows, from those of all rows of `whole`."""
         return values if self.table.sampled_rows is None else values[self.table.sampled_rows]
 
-    @cached_property
+    @property
     def of_six(self) -> Rows:
         """The same rows under a map of the six poses and six wrench columns.
 
@@ -492,11 +507,11 @@ class Rows:
         `guesses_torques` (`ecm.effects`). Other inputs of the map are those of each row.
         """
         if self.base.inputs[:6] == POSE != self.base.inputs and self.base.outputs == WRENCH:
-            return replace(self, base=_AtInputs(self.base, self.median_pose[6:]))
+            return self._with("base", _AtInputs(self.base, self.median_pose[6:]))
         forces = set(WRENCH[:3]) <= set(self.base.outputs)
         if not forces or self.base.inputs != POSE or is_whole(self.base):
             return self
-        return replace(self, base=getattr(self.base, "whole", None) or _OfSix(self.base))
+        return self._with("base", getattr(self.base, "whole", None) or _OfSix(self.base))
 
     @cached_property
     def of_other_torques(self) -> Rows:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 from ecm.io.arrays import F, I
 from ecm.io.table import Table
@@ -328,6 +328,9 @@ def _recursion(factor: F, addends: F) -> F:
     """(N, k) x of x_i = factor_i x_i-1 + addend_i from x_0 = 0; factors (N-1, 1 or k alike)."""
     n = len(addends) + 1
     right = np.concatenate([np.zeros((1, addends.shape[1])), addends])
+    if not addends.size:  # dtbtrs writes beside what it is given where there are no columns
+        return right
     bands = np.ones((2, n))
     bands[1, :-1], bands[1, -1] = -factor[:, 0], 0.0
-    return np.asarray(solve_banded((1, 0), bands, right, overwrite_b=True, check_finite=False))
+    # Twice as fast as `solve_banded`, which looks for pivots; a diagonal of ones needs none.
+    return np.asarray(dtbtrs(bands, right, uplo="L", diag="U")[0])
