@@ -171,6 +171,17 @@ def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model(
     assert not any("unlike" in text for text in diagnose(fit_model(log, "cubic"), log).warnings)
 
 
+def test_a_better_form_is_said_where_few_glitches_hardly_change_its_fit() -> None:
+    """A cubic of 504 coefficients errs far in all rows, and looking at five of them is no remedy."""
+    table, random = measured(1, rows=200), np.random.default_rng(3)
+    force = table.column("fy_N").copy()
+    force[random.permutation(200)[:5]] += 4.5 * random.choice([-1.0, 1.0], 5)
+    table = replace(table, columns=table.columns | {"fy_N": force})
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert (found.model.answer, found.model.reason) == ("form", "")
+    assert any("5 rows are unlike all others" in text for text in found.warnings)
+
+
 def test_exchanged_rows_are_said_before_a_form_that_errs_as_far_with_them() -> None:
     """A richer base errs less since these rows count less in it, and not by its terms."""
     random = np.random.default_rng(1)

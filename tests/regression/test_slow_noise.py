@@ -68,3 +68,13 @@ def test_each_component_has_its_own_and_rows_are_independent_after_it() -> None:
     np.testing.assert_allclose(filtered @ covariance @ filtered.T, np.eye(50), atol=1e-12)
     np.testing.assert_allclose(whitener.back(whitener @ units), units, atol=1e-12)
     np.testing.assert_array_equal(whitener @ units[:, :, 3], (whitener @ units)[:, :, 3])
+
+
+def test_the_filter_along_time_takes_no_columns_at_all() -> None:
+    """The solver of triangles writes beside its array where it is given none."""
+    found = found_in(1.0 * ROWS, 0.0 * ROWS)
+    assert found is not None
+    table = Table({"time_s": 1.0 * ROWS, "run": 0.0 * ROWS})
+    filter = found.along(table)
+    assert filter(np.ones((200, 1, 0))).shape == (200, 1, 0)
+    assert filter.back(filter(np.ones((200, 1, 2)))) == pytest.approx(1.0)

@@ -402,25 +402,30 @@ class _Judged:
     @cached_property
     def reason(self) -> Reason:
         """Why a base that is no richer shows nothing."""
-        problem = self.problem
-        richer = len(problem.base.coefficients) > len(self.model.base.coefficients)
         if not self.too_plain:
             return ""
-        far = problem.outlying_rows and _far_behind(self.given, self.base)
-        if far and not (richer and self.is_behind_base):
-            return "rows"
+        if self.problem.outlying_rows and _far_behind(self.given, self.base):
+            # What is advised is a fit in which these rows count like all others.
+            plain = self.is_behind_base and not _far_behind(self.base_of_all_rows, self.base)
+            return "" if plain else "rows"
         return "" if self.is_behind_base else "weak"
+
+    @cached_property
+    def base_of_all_rows(self) -> Errors | None:
+        """Errors of the base where all rows count alike in its fit."""
+        table, noise = self.decision.prepared.unexplained, self.result.noise
+        return self.of_fit(refit_of_kind(self.problem.base, table, noise))
 
     @cached_property
     def is_behind_base(self) -> bool:
         """Whether its kind errs more than that of the base, both fitted alike to these rows."""
         if self.is_form_of_base or self.refitted is None or self.is_base:
             return False
-        problem, table = self.problem, self.decision.prepared.unexplained
+        problem = self.problem
         if not problem.outlying_rows and _far_behind(self.refitted, self.base):
             return True  # else rows that count less in the base would be all the difference
-        base = self.of_fit(refit_of_kind(problem.base, table, self.result.noise))
-        own, other = (one.over_noise if one else None for one in (self.refitted, base))
+        both = self.refitted, self.base_of_all_rows
+        own, other = (one.over_noise if one else None for one in both)
         if own is None or other is None:  # a base with nearly a coefficient a row leaves nothing
             return own is None
         fall = 2.0 * math.log(max(own, 1e-300) / max(other, 1e-300))  # of squares, held out
