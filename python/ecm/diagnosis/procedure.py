@@ -55,6 +55,7 @@ from ecm.diagnosis.search import (
     Ranked,
     delta_chi2,
     held_out_rms,
+    kind_of,
     rank,
     richer_forms,
     search,
@@ -541,14 +542,19 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
     poorer, goes_on = problem.base, nothing and alone > far
     while goes_on and (fewer := one_degree_less(poorer, problem.table)) is not None:
         again = against(fewer)
-        left = held_out_rms(again.problem, again.accepted.effects)
         # What follows the pose alone may be what the degree holds.
         other = any(item.effect.kind != "pose" for item in again.accepted.effects)
-        if again.answer and other and left < alone:
+        if again.answer and other and _held_out(again, decision) < _held_out(decision, again):
             return again
         # Of some degrees more than one may be too many, as of rows along one path.
         poorer, goes_on = fewer, far < held_out_rms(again.problem, ()) < alone
     return decision
+
+
+def _held_out(decision: Decision, other: Decision) -> float:
+    """Return the held-out error of an answer, by parts of rows that suit another one as well."""
+    names = *decision.accepted.effects, *other.accepted.effects
+    return held_out_rms(decision.problem, decision.accepted.effects, kind_of(names))
 
 
 def _with_given_form(
@@ -561,8 +567,7 @@ def _with_given_form(
     form is a polynomial, or an energy of another symmetry.
     """
     problem, own, base = decision.problem, whole_map(model.base), whole_map(decision.problem.base)
-    left = held_out_rms(problem, decision.accepted.effects) if decision.answer else 0.0
-    if left <= FAR_BEYOND_NOISE:
+    if not decision.answer or _held_out(decision, decision) <= FAR_BEYOND_NOISE:
         return decision
     with suppress(ModelError, InputError):  # the rows do not hold its coefficients
         if isinstance(own, PolynomialMap) and not isinstance(base, PolynomialMap):
@@ -574,7 +579,7 @@ def _with_given_form(
         else:
             return decision
         again = against(form)
-        if is_far_behind(left, held_out_rms(again.problem, again.accepted.effects)):
+        if is_far_behind(_held_out(decision, again), _held_out(again, decision)):
             return again
     return decision
 
@@ -663,7 +668,7 @@ def _against_the_bases(
         if richer is not None:
             again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
             # Of nearly as many coefficients as readings: it leaves much, and more where no row was.
-            unseen = (held_out_rms(d.problem, d.accepted.effects) for d in (again, decision))
+            unseen = _held_out(again, decision), _held_out(decision, again)
             is_wild = weighed(again) > FAR_BEYOND_NOISE and is_far_behind(*unseen)
             # Without a name it must leave nothing: beside it other effects imitate the rest.
             if (decision.answer or again.verdict == "none") and not is_wild:
