@@ -20,7 +20,7 @@ from ecm.io.description import Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
 from ecm.models.check import check
-from support.campaigns import META, NOISE, campaign, model, workspace_poses
+from support.campaigns import INSTRUMENT, META, NOISE, campaign, model, workspace_poses
 from support.neck import ROOT, columns_of
 from support.stand_in import L, wrench
 
@@ -255,3 +255,18 @@ def test_a_right_table_with_a_strong_effect_is_not_called_misread() -> None:
     for effect in ("base_compliance", "tip_frame_misalignment"):
         found = find_missing(model(), campaign(effect, 6.0, 4))
         assert found.unknown is None or found.unknown.statement is None
+
+
+def test_a_reading_whose_stiffness_only_makes_the_noise_large_is_no_better_one() -> None:
+    """No energy has this wrench: at negated poses one is so stiff that the poses' noise is all."""
+    random, count = np.random.default_rng(11), 120
+    shift = random.uniform(-1.0, 1.0, (count, 6)) * [1.5e-3, 8e-3, 8e-3, 0.25, 0.4, 0.4]
+    shift[:, 1:3] += 0.05 * shift[:, [5, 4]] * [1.0, -1.0]
+    h = shift * [9e3, 2.6e3, 2.6e3, 3.2, 9.5, 9.5]
+    h[:, 1:3] += 2e7 * shift[:, 1:3] ** 3
+    h += random.standard_normal((count, 6)) * NOISE
+    instrument = replace(INSTRUMENT, pose_position_sd_m=1e-5, pose_rotation_sd_rad=1.5e-4)
+    table = table_of(shift + np.r_[L, np.zeros(5)], h)
+    table = replace(table, meta=replace(META, instrument=instrument))
+    found = find_missing(fit_model(table, "cubic"), table, effects=["payload"])
+    assert found.unknown is None or found.unknown.statement is None

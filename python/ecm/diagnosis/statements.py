@@ -228,11 +228,16 @@ def _columns(base: StiffnessMap, poses: F) -> tuple[F, F]:
 def _rest(base: tuple[F, F], wrench: F) -> F:
     """Return (6 n,) what the fitted base leaves, over the rms of force and of torque."""
     predicted, columns = base
-    size = np.repeat([np.sqrt((part**2).mean()) for part in (wrench[:, :3], wrench[:, 3:])], 3)
-    size = np.where(size > 0.0, size, 1.0)
+    size = _sizes(wrench)
     y = ((wrench - predicted) / size).ravel()
     z = (columns / size[:, None]).reshape(len(y), -1)
     return rest_of(z, y)
+
+
+def _sizes(wrench: F) -> F:
+    """(6,) the rms of force and of torque, 1 where there is none."""
+    size = np.repeat([np.sqrt((part**2).mean()) for part in (wrench[:, :3], wrench[:, 3:])], 3)
+    return np.where(size > 0.0, size, 1.0)
 
 
 _ROWS = 150
@@ -267,15 +272,18 @@ def find_wrong_statement(
         # It takes in most readings: one that gives the wrench an energy is right.
         length, bodies = None, _any_elastic_body(poses, wrench)
         most = max(FAR_BEYOND_NOISE, _BETTER * before)
-        before = min((_error(problem, body, None) for body in bodies), default=0.0)
+        before = min((_errors(problem, body, None)[0] for body in bodies), default=0.0)
     elif length is None:
         return None
     if not LEAST_WRONG_ERROR <= before < np.inf:
         return None
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
-        mended = _error(problem, body, best[0]) if best else np.inf
-        if mended <= min(MENDED_SHARE * before, most):
+        if not best:
+            continue
+        mended, left = _errors(problem, body, best[0])
+        as_stated = _errors(problem, body, None)[1]
+        if mended <= min(MENDED_SHARE * before, most) and left <= MENDED_SHARE * as_stated:
             return WrongStatement(in_words(best), before, mended)
     return None
 
@@ -299,19 +307,31 @@ def _any_elastic_body(poses: F, wrench: F) -> list[StiffnessMap]:
     return [EnergyTerms(length, degrees[0], "general").fit(poses, wrench)]
 
 
-def _error(problem: Problem, base: StiffnessMap, reading: Convention | None) -> float:
-    """Return the whitened rms that a base leaves of a reading; infinite where it has no fit."""
+def _errors(
+    problem: Problem, base: StiffnessMap, reading: Convention | None
+) -> tuple[float, float]:
+    """Return what a base leaves of a reading over the noise, and as a share of its wrench.
+
+    The noise of a pose is as large in the wrench as the base is stiff, and at a reading far from
+    the rows of its fit that may be any stiffness: it must leave less of the wrench itself as well.
+    Infinite where it has no fit.
+    """
     table = problem.table
     if reading is not None:
         read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
         table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
     fit = fit_or_none(base, (), table, problem.noise)
     if fit is None:
-        return np.inf
-    squares = (fit.whitened**2).sum(axis=1)[problem.scored]
-    # Some bad rows shall not decide.
-    kept = np.sort(squares)[: max(1, int(0.98 * len(squares)))]
-    return float(np.sqrt(kept.mean() / fit.whitened.shape[1]))
+        return np.inf, np.inf
+    size = _sizes(table.wrenches[problem.scored])
+    return _most_rows(fit.whitened[problem.scored]), _most_rows(fit.residual[problem.scored] / size)
+
+
+def _most_rows(left: F) -> float:
+    """Rms of (n, m) without the worst rows: some bad ones shall not decide."""
+    squares = np.sort((left**2).sum(axis=1))
+    kept = squares[: max(1, int(0.98 * len(squares)))]
+    return float(np.sqrt(kept.mean() / left.shape[1]))
 
 
 def fit_or_none(
