@@ -103,6 +103,27 @@ def test_an_export_at_one_value_of_a_column_is_the_way_out(
         better.at({"valve": 2.0}).save(model)
 
 
+def test_a_column_that_sets_the_damping_is_named_beside_the_damper() -> None:
+    """The current of a magnetorheological mount: it acts with the velocity, and alone nowhere."""
+    random, time = np.random.default_rng(4), 0.002 * np.arange(1500)
+    x = 0.004 * np.sin(12.6 * time) + 0.0015 * np.sin(29.8 * time)
+    current = np.repeat(random.choice([0.0, 0.5, 1.0, 1.5, 2.0], 15), 100)
+    force = 9e4 * x + (500.0 + 900.0 * current) * np.gradient(x, time)
+    columns = {"time_s": time, "x_m": x, "fx_N": force + 2.0 * random.standard_normal(len(time))}
+    instrument = {"force_sd_N": 2.0, "pose_position_sd_m": 1e-9}
+    table = ecm.as_table(columns | {"current": current}, meta={"instrument": instrument})
+    spring = ecm.fit(table, "linear")
+    found = find_missing(spring, table)
+    current_named, damper = sorted(found.answer)
+    assert current_named == ("unused_column:current",)
+    assert "viscous_damping" in damper  # a branch that relaxes within a sample is none other
+    model = ecm.refit(spring, table, add=["viscous_damping", "unused_column:current"])
+    assert ecm.compare(model, table).whitened_rms < 1.1
+    np.testing.assert_allclose(model.effects[1].values, 900.0, rtol=0.02)
+    # At one current it is a damper, no function of the pose: nothing that an export folds in.
+    assert model.followed == {}
+
+
 def test_where_no_own_column_acts_none_is_named() -> None:
     table = six_by_six("nothing")
     assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"

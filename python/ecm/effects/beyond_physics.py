@@ -4,7 +4,8 @@ A polynomial of low degree lacks a kink, a dead zone, a higher degree.
 
 Each column of the user's own is an effect of its own, `unused_column:NAME`, so that two that act
 are both named. The column u acts about its mean u0, at once or with a lag: u is then what a
-first-order filter makes of it. It adds to the wrench, scales it, or shifts the rest pose. Where the
+first-order filter makes of it. It adds to the wrench, scales it, shifts the rest pose, or sets the
+damping, as the current of a valve or of a magnetorheological fluid does. Where the
 base may have no constant wrench, as a symmetric energy has none, a column near 0 is also tried
 about 0.
 """
@@ -16,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ecm.effects.motion import ViscousDamping
 from ecm.effects.pairs import (
     columns_of_pairs,
     listed_pairs,
@@ -251,27 +253,31 @@ _WORDS = {
     "adds": "The wrench follows the column {}{}, which the model does not use.",
     "scales": "The wrench is scaled by the column {}{}, which the model does not use.",
     "shifts": "The rest pose follows the column {}{}, which the model does not use.",
+    "damps": "The damping follows the column {}{}, which the model does not use.",
 }
 _SCALES = {"N": 0.1, "N m": 0.1, "m": 1e-4, "rad": 1e-3}
 
 
 @dataclass(eq=False)
 class UnusedColumn(LinearEffect):
-    """b (u - u0) on each wrench column, a share c (u - u0) of it, or -K d (u - u0).
+    """b (u - u0) on each wrench column, a share c (u - u0) of it, -K d (u - u0), or damping times
+    (u - u0).
 
-    Parameters: *_per_unit: what this output changes by per unit of the column; share: share of the
-    wrench per unit of it.
+    Parameters: *_per_unit: what this output, or the damping, changes by per unit of the column;
+    share: share of the wrench per unit of it.
     """
 
     column: str
     zero: float
     """Value u0 at which it does nothing: 0, or its mean in the table of the fit."""
     acts: str
-    """`adds` to the wrench, `scales` it, or `shifts` the rest pose."""
+    """`adds` to the wrench, `scales` it, `shifts` the rest pose, or `damps`."""
     outputs: str
-    """Wrench columns that it adds to, or pose columns that it shifts."""
+    """Wrench columns that it adds to, pose columns that it shifts, or pairs that it damps."""
     lag_s: float = optional(0.0)
     """Time constant with which the column acts; 0: at once."""
+    exponent: float | None = optional(None)
+    """Power of the velocity in the damping that it sets."""
 
     id = ID
     physics = "A column of the table that the model does not use."
@@ -286,6 +292,12 @@ class UnusedColumn(LinearEffect):
     def __post_init__(self) -> None:
         if self.acts == "scales":
             self.parameters = (Parameter("share", "1/unit", 0.01),)
+        elif self.acts == "damps":
+            # More of the column may damp less.
+            self.parameters = tuple(
+                replace(one, name=f"{one.name}_per_unit", unit=f"{one.unit}/unit", lower=-np.inf)
+                for one in self._damping.parameters
+            )
         else:
             names = [name for name in self.outputs.split(",") if name]
             units = [unit_of(name) for name in names]
@@ -303,6 +315,10 @@ class UnusedColumn(LinearEffect):
         if self.column:
             names = (self.column, "time_s") if self.lag_s else (self.column,)
             lacking = needs_columns(*names)(table)
+            if lacking is None and self.acts == "damps":
+                still = self._damping.missing(table)
+                # At a value of the column it is no function of the pose alone.
+                lacking = still and replace(still, absent=True)
             if lacking or self.acts or self.column in varying_columns(table):
                 return lacking
             return Missing(f"{self.column} does not vary, or follows from others", self.column)
@@ -311,7 +327,7 @@ class UnusedColumn(LinearEffect):
         return Missing("no other column", "what else may act: a slider, a third load, a setting")
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """At once and with each lag: added, as a share, as a shift of the rest pose."""
+        """At once and with each lag: added, as a share, as a shift of the rest pose; damping."""
         wrench, pose = ",".join(table.wrench_columns), ",".join(table.pose_columns)
         made: list[Effect] = []
         for name in (self.column,) if self.column else varying_columns(table):
@@ -325,6 +341,10 @@ class UnusedColumn(LinearEffect):
                 for zero in others:
                     made.append(UnusedColumn(name, zero, "adds", wrench, lag))
                     made.append(UnusedColumn(name, zero, "shifts", pose, lag))
+            made += [
+                UnusedColumn(name, mean, "damps", of, exponent=power)
+                for of, power in _dampings(table)
+            ]
         return tuple(made)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -340,8 +360,14 @@ class UnusedColumn(LinearEffect):
         value = self._value(rows.table) - self.zero
         if self.acts == "scales":
             return np.asarray((value[:, None] * rows.wrench)[:, :, None])
+        if self.acts == "damps":
+            return np.asarray(value[:, None, None] * self._damping.columns(rows))
         names = self.outputs.split(",")
         return np.stack([on_column(rows, name, value) for name in names], axis=2)
+
+    @property
+    def _damping(self) -> ViscousDamping:
+        return ViscousDamping(self.outputs, self.exponent)
 
     def _value(self, table: Table) -> F:
         """(N,) the column, or what a first-order filter of the lag makes of it in each run."""
@@ -394,6 +420,15 @@ def _zeros(table: Table, name: str) -> tuple[float, ...]:
     mean, low, high = float(f"{values.mean():.6g}"), float(values.min()), float(values.max())
     near = low - (high - low) <= 0.0 <= high + (high - low)
     return (mean, 0.0) if near and mean != 0.0 and needs_full(table) is None else (mean,)
+
+
+def _dampings(table: Table) -> list[tuple[str, float | None]]:
+    """Pairs and power of dampers that a column may set, where one of few columns is testable."""
+    damper = ViscousDamping("", 1.0)
+    if needs_full(table) is None or damper.missing(table) is not None:
+        return []
+    made = (one for one in damper.variants(table) if isinstance(one, ViscousDamping))
+    return [(one.of, one.exponent) for one in made if one.of]
 
 
 def _lags(table: Table) -> tuple[float, ...]:
