@@ -189,3 +189,17 @@ def test_a_log_without_a_force_is_told_that_no_model_can_be_fitted(ecm_command: 
     again = ecm_command("fit", table, "--out", "model.json").refused()
     assert "so no model can be fitted" in again.err
     assert "ecm import" not in again.err
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_the_import_that_is_advised_takes_the_description_with_it(
+    ecm_command: Run, folder: Path, given: bool
+) -> None:
+    """Else the noise, the frames and the mechanism that it states are lost without a word."""
+    log("displacement.csv")
+    text = "[instrument]\nforce_sd_N = 1.5\n"
+    name = "bench.toml" if given else "displacement.toml"
+    (folder / name).write_text(text, encoding="utf-8")
+    meta = ("--meta", name) if given else ()
+    table = typed(ecm_command, ecm_command("fit", "displacement.csv", *meta).refused().err)
+    assert "force_sd_N = 1.5" in Path(table).with_suffix(".toml").read_text(encoding="utf-8")

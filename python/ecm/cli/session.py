@@ -49,19 +49,26 @@ def refuse_models(paths: Sequence[Path]) -> None:
         raise InputError(f"{path} is a model, expected a table of measurements", remedy=remedy)
 
 
-def way_in(path: Path) -> Remedy | None:
+def way_in(path: Path, meta: Path | None = None) -> Remedy | None:
     """Return the import that makes a table to fit of a log; None where nothing is known.
 
     Parameters
     ----------
     path
         The file, or the folder of a bag, that was given as a table.
+    meta
+        The description that was given with it; else that beside the file.
     """
     # To import these takes a sixth of the time in which a command starts.
     from ecm.logs.importing import answered, read_log  # noqa: PLC0415 - see above
     from ecm.logs.names import read_name  # noqa: PLC0415 - see above
 
-    found = answered(path, {}, whole=True) or answered(path, {})
+    # Without its description the table would have no noise, no frames, no mechanism.
+    beside = meta or path.with_suffix(".toml")
+    described = [{"meta": str(beside)}] if beside.is_file() else []
+    tried = [(given, whole) for given in (*described, {}) for whole in (True, False)]
+    answers = ((given, answered(path, given, whole=whole)) for given, whole in tried)
+    given, found = next((one for one in answers if one[1] is not None), ({}, None))
     if found is None:
         with suppress(EcmError, OSError, ValueError):
             columns = list(read_log(path, ()).log.columns)
@@ -88,7 +95,8 @@ def way_in(path: Path) -> Remedy | None:
         last = "what there is becomes a table by"
     words = "; ".join(filter(None, (first, answer.words, last)))
     out = path.with_name(f"{path.stem}-table.csv")
-    typed = ["ecm", "import", str(path), *import_options(answer.options), "--out", str(out)]
+    options = import_options({**given, **answer.options})
+    typed = ["ecm", "import", str(path), *options, "--out", str(out)]
     return Remedy(words, shlex.join(typed))
 
 
@@ -338,7 +346,7 @@ class Session(Console):
                 is_known = not error.most  # where most rows are bad, the file may be a log
             logs = (path for path in paths if not _is_table(path))
             if not is_known and (log := next(logs, None)):
-                error.remedy = way_in(log) or error.remedy
+                error.remedy = way_in(log, self.meta) or error.remedy
             raise
         self.warn(*brief(table.warnings, paths))
         return table
