@@ -784,3 +784,23 @@ def test_a_law_beyond_a_cubic_is_judged_between_its_rows() -> None:
     better = ecm.refit(model, table, add=found.addition.effects)
     before, after = (record.held_out for record in better.history[-2:])
     assert after < 0.4 * before < 5.0
+
+
+def test_a_modulus_that_rises_steeply_when_cold_is_one_that_follows_the_temperature() -> None:
+    """A rubber mount from -20 to 80 degC: seven times as stiff at the cold end as when warm."""
+    random = np.random.default_rng(2)
+    degrees = np.repeat([-20.0, -10.0, 0.0, 10.0, 23.0, 40.0, 60.0, 80.0], 12)
+    way = np.tile([0.0, 2.0, 4.0, 6.0, 8.0, 6.0, 4.0, 2.0, 0.0, -2.0, -4.0, -2.0], 8)
+    degrees += 0.5 * random.standard_normal(len(way))
+    stiffness = 85.0 * (1.0 + 6.0 * np.exp(-(degrees + 20.0) / 14.0))
+    force = stiffness * way + 4.0 * random.standard_normal(len(way))
+    table = ecm.as_table(
+        {"x_m": 1e-3 * way, "fx_N": force, "temperature_degC": degrees,
+         "time_s": 40.0 * np.arange(len(way))},
+        meta={"instrument": {"force_sd_N": 4.0, "pose_position_sd_m": 1e-9}},
+    )  # fmt: skip
+    spring = ecm.fit(table, "linear")
+    assert find_missing(spring, table).answer == (("temperature_modulus",),)
+    better = ecm.refit(spring, table, add=["temperature_modulus"])
+    assert ecm.compare(better, table).whitened_rms < 1.5
+    np.testing.assert_allclose(float(better.effects[0].effect.shape["curve_K"]), 14.0, rtol=0.1)

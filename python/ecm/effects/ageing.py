@@ -68,6 +68,10 @@ def settled(time_s: F, tau_s: float) -> F:
     return np.asarray(np.minimum(time_s, 0.0) - tau_s * np.expm1(-np.maximum(time_s, 0.0) / tau_s))
 
 
+_CURVES = (0.5, 0.15)
+"""Curves of a modulus that are tried, over the range of temperatures."""
+
+
 @dataclass(eq=False)
 class OfTemperature(LinearEffect):
     """What is proportional to the temperature over a reference."""
@@ -83,12 +87,17 @@ class OfTemperature(LinearEffect):
         return (replace(self, reference_degC=mean),)
 
     def columns(self, rows: Rows) -> F:
-        """(T - T0) times that of one kelvin."""
+        """(T - T0), or what is made of it, times that of one kelvin."""
         temperature = rows.table.column("temperature_degC")
         zero = self.reference_degC
         if zero is None:
             zero = float(rows.taken("mean_degC", temperature.mean))
-        return np.asarray(((temperature - zero)[:, None] * self.of_one_kelvin(rows))[:, :, None])
+        over = self.grown_K(temperature - zero)
+        return np.asarray((over[:, None] * self.of_one_kelvin(rows))[:, :, None])
+
+    def grown_K(self, over_K: F) -> F:
+        """(N,) what the correction is proportional to, of kelvins over the reference."""
+        return over_K
 
     def of_one_kelvin(self, rows: Rows) -> F:
         """(N, m) correction of one kelvin over the reference, of a parameter of 1."""
@@ -97,11 +106,13 @@ class OfTemperature(LinearEffect):
 
 @dataclass(eq=False)
 class TemperatureModulus(OfTemperature):
-    """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left.
+    """h (1 - beta g(T - T0)); T0 is the table's mean, the modulus takes what is left.
 
-    Of either sign: an ideal rubber has beta = -1 / T, that is -0.0034 / K at 20 degrees C.
+    g(d) = d, or s (1 - exp(-d / s)): each kelvin does more when it is cold, as in a rubber that
+    comes near its glass. Of either sign: an ideal rubber has beta = -1 / T, that is -0.0034 / K at
+    20 degrees C.
 
-    Parameters: beta: share of the stiffness lost per kelvin.
+    Parameters: beta: share of the stiffness lost per kelvin, at T0.
 
     Source: Treloar, The Physics of Rubber Elasticity, 3rd edition, 1975 (ideal rubber).
     """
@@ -117,6 +128,36 @@ class TemperatureModulus(OfTemperature):
     needs = "temperature that varies (temperature_degC)"
     requires = (needs_varying("temperature_degC", 0.25),)
     rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
+
+    curve_K: float = optional(np.inf)
+    """Kelvins s over which the slope falls to 1/e; infinite for a straight line."""
+
+    def __post_init__(self) -> None:
+        if np.isfinite(self.curve_K):
+            self.physics = (
+                "The modulus follows the temperature of the material, each kelvin more when cold."
+            )
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A straight line, and curves over parts of the range of temperatures."""
+        span = float(np.ptp(table.column("temperature_degC")))
+        curves = (np.inf, *(round(share * span, 3) for share in _CURVES))
+        return tuple(
+            replace(one, curve_K=curve)
+            for one in super().variants(table)
+            if isinstance(one, TemperatureModulus)
+            for curve in curves
+        )
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Curves between this one and its neighbours; none of a straight line."""
+        return self.nearby("curve_K", (_CURVES[0] / _CURVES[1]) ** (0.5 ** (round_ + 1)))
+
+    def grown_K(self, over_K: F) -> F:
+        """(N,) d, or s (1 - exp(-d / s))."""
+        if np.isinf(self.curve_K):
+            return over_K
+        return np.asarray(-self.curve_K * np.expm1(-over_K / self.curve_K))
 
     def of_one_kelvin(self, rows: Rows) -> F:
         """-h."""

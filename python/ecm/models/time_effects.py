@@ -367,6 +367,8 @@ def _temperature(
 ) -> str:
     if why := _referred(found, model, effect):
         return why
+    if np.isfinite(effect.curve_K):
+        return "it follows a curve of the temperature, which no step has"
     found.document["softer_per_kelvin"] = float(values[0])
     return ""
 
