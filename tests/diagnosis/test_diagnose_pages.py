@@ -236,7 +236,7 @@ def test_nobody_is_told_to_add_what_lets_the_model_err_more(told: dict[str, Told
     }
     assert Summary.of(held).add.startswith("nothing to this model")
     held["addition"]["held_out"] = {"before": 4.72, "after": 4.54}
-    assert "(this model 4.72 -> 4.54 times the noise)" in Summary.of(held).add
+    assert "# this model 4.72 -> 4.54 times the noise" in Summary.of(held).add
 
 
 def test_without_details_three_lines_and_where_the_rest_is(

@@ -149,7 +149,7 @@ def test_what_diagnose_promises_is_reached(name: str, measured: Table) -> None:
         assert f"{refitted.over_noise:.2f} -> " in found.summary().missing
     else:
         assert refitted.over_noise == pytest.approx(found.addition.before)
-        assert f"(this model {refitted.over_noise:.2f} -> " in found.summary().add
+        assert f"# this model {refitted.over_noise:.2f} -> " in found.summary().add
     assert f"{refitted.over_noise:.3g} times the noise on held-out rows" in found.sentence()
 
 

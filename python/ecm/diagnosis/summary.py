@@ -304,16 +304,16 @@ def _add(document: Mapping[str, Any]) -> str:
 
 
 def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
-    """The command that adds effects, and what they bring."""
+    """The command that adds effects, and what they bring: a remark, as a shell reads the line."""
     command = _command(addition["remedy"]) or _NOTHING
     if addition["refused"]:
-        return f"{command}   (not to this model: the details say why)"
+        return f"{command}   # not to this model: the details say why"
     brings = _fall_of_model(document)
     if brings and not addition["base"] and _rises(addition["held_out"]):
         return f"nothing to this model, which errs no less with it: {brings}"
     said = [addition["remedy"]["words"]] if addition["base"] else []
     said += [f"this model {brings}"] if brings else []
-    return f"{command}   ({'; '.join(said)})" if said else command
+    return f"{command}   # {'; '.join(said)}" if said else command
 
 
 def _fall_of_model(document: Mapping[str, Any]) -> str:
