@@ -172,7 +172,7 @@ def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model(
 
 
 def test_a_better_form_is_said_where_few_glitches_hardly_change_its_fit() -> None:
-    """A cubic of 504 coefficients errs far in all rows, and looking at five of them is no remedy."""
+    """A cubic of 504 coefficients errs far in all rows: to look at five of them is no remedy."""
     table, random = measured(1, rows=200), np.random.default_rng(3)
     force = table.column("fy_N").copy()
     force[random.permutation(200)[:5]] += 4.5 * random.choice([-1.0, 1.0], 5)
@@ -243,7 +243,7 @@ def test_names_are_against_the_symmetry_that_was_given_where_it_errs_far_less(
     def against(base: StiffnessMap) -> Decision:
         return replace(first, problem=replace(first.problem, base=base))
 
-    def errs(problem: Problem, chosen: object) -> float:
+    def errs(problem: Problem, chosen: object, kind: str) -> float:
         return 6.3 if problem is first.problem else by_itself
 
     monkeypatch.setattr(procedure, "held_out_rms", errs)
