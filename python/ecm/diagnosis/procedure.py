@@ -542,9 +542,10 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
     poorer, goes_on = problem.base, nothing and alone > far
     while goes_on and (fewer := one_degree_less(poorer, problem.table)) is not None:
         again = against(fewer)
-        # What follows the pose alone may be what the degree holds.
-        other = any(item.effect.kind != "pose" for item in again.accepted.effects)
-        if again.answer and other and _held_out(again, decision) < _held_out(decision, again):
+        # What follows the pose alone, or may, can be what the degree holds.
+        pose = {item.id for item in again.problem.offered if item.effect.kind == "pose"}
+        other = any(pose.isdisjoint(members) for members in again.answer)
+        if other and _held_out(again, decision) < _held_out(decision, again):
             return again
         # Of some degrees more than one may be too many, as of rows along one path.
         poorer, goes_on = fewer, far < held_out_rms(again.problem, ()) < alone
