@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (43_993, 200),
+    "python/ecm": (44_080, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_298, 238),
+    "tests": (35_385, 238),
     "crates": (34_565, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-loads of a sensor that is read at a lower rate, and at its end in rows at rest (30 lines in Python),
-dampers of single columns in files (10, and 17 of Rust), and a test of each."""
+columns that set the damping (26 lines in Python), a modulus along a curve (20), a reading that must
+leave less of the wrench itself (10), rows that do not keep themselves (8), and a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)
