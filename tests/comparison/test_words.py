@@ -163,3 +163,18 @@ def test_an_error_that_only_several_components_show_is_not_said_of_one() -> None
     assert max(one.excess for one in found.components) == 0.0
     assert found.whitened_rms > 2.0
     assert found.sentence().endswith("no component shows alone: their noise goes together.")
+
+
+def test_rows_before_the_moment_of_an_effect_are_told() -> None:
+    """A clock that begins anew is before the knock, and nothing told why the model erred."""
+    time, random = 5.0 * np.arange(60.0), np.random.default_rng(2)
+    x = random.uniform(-1e-3, 1e-3, 60)
+    force = 2e4 * x + 4.0 * (time > 150.0) + random.normal(0.0, 0.1, 60)
+    table = ecm.as_table({"time_s": time, "x_m": x, "fx_N": force})
+    model = ecm.refit(ecm.fit_model(table, "linear"), table, add="jump")
+    (effect,) = model.effects
+    for begin, told in ((0.0, True), (400.0, False)):
+        later = table.with_columns({"time_s": begin + 0.4 * time})
+        said = [text for text in ecm.compare(model, later).warnings if "acts after" in text]
+        assert bool(said) == told
+        assert not told or f"jump acts after {effect.effect.acts_after_s:g} s" in said[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from ecm.comparison.structure import run_outliers
 from ecm.errors import InputError
 from ecm.io.arrays import F, I, rms
 from ecm.io.events import Progress, Steps
-from ecm.io.table import MetaLike, TableLike, takes_table
+from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import residuals_by_block
 from ecm.models.fit import as_model
 from ecm.models.joint_fit import estimate_noise
@@ -149,10 +150,26 @@ def compare(
         warnings=(
             *(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
             *beyond_reach(model, rows.poses[scored]),
+            *_before_their_moment(model, table),
         ),
         compared=Compared(model, table, predicted, chosen),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
+
+
+def _before_their_moment(model: Model, table: Table) -> Iterator[str]:
+    """Say of each effect that acts from a moment on that all rows are before it."""
+    if not table.has("time_s"):
+        return
+    time_s = table.column("time_s")
+    for item in model.effects:
+        moment = item.effect.acts_after_s
+        if moment is not None and time_s.max() <= moment:
+            yield (
+                f"{item.id} acts after {moment:g} s by the clock of its fit: all of these rows, "
+                f"{time_s.min():g} to {time_s.max():g} s, are predicted as if it had not come yet; "
+                "where they were read later, let their time_s go on from that of the fit"
+            )
 
 
 def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:

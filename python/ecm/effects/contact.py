@@ -88,6 +88,11 @@ class PlatformSlip(TimedEffect):
         """Moments between this one and its neighbours."""
         return tuple(PlatformSlip(t) for t in times_beside(table, self.at_s, STEPS, round_))
 
+    @property
+    def acts_after_s(self) -> float:
+        """That of the jump."""
+        return self.at_s
+
     def columns(self, rows: Rows) -> F:
         """-K_s B and the lever of the force, after the jump."""
         columns = -(rows.screw_stiffness @ rows.base_from_top)
@@ -143,6 +148,11 @@ class MarkerMotion(TimedEffect):
         if self.course != "step":
             return ()
         return tuple(MarkerMotion("step", t) for t in times_beside(table, self.at_s, STEPS, round_))
+
+    @property
+    def acts_after_s(self) -> float | None:
+        """That of a step."""
+        return self.at_s if self.course == "step" else None
 
     def columns(self, rows: Rows) -> F:
         """-K_s (d + w x r, w) g(t), g per hour for the ramp, else from 0 to 1."""
@@ -203,6 +213,11 @@ class Jump(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between this one and its neighbours."""
         return tuple(Jump(self.of, t) for t in times_beside(table, self.at_s, STEPS, round_))
+
+    @property
+    def acts_after_s(self) -> float:
+        """That of the jump."""
+        return self.at_s
 
     def columns(self, rows: Rows) -> F:
         """(N, m, k) one level of each load, or what a shift of each pose column does to them."""
@@ -421,6 +436,11 @@ class Debonding(LinearEffect):
         if self.opens != "torn":
             return ()
         return tuple(Debonding("torn", t) for t in times_beside(table, self.at_s, _TEARS, round_))
+
+    @property
+    def acts_after_s(self) -> float | None:
+        """That of the tear."""
+        return self.at_s if self.opens == "torn" else None
 
     def columns(self, rows: Rows) -> F:
         """-h after the tear, or the slope of -EA L max(0, e)^2 / 2."""

@@ -246,6 +246,11 @@ class Effect:
     """Shapes worth trying on any table, as arguments of the class; empty: this one alone."""
 
     @property
+    def acts_after_s(self) -> float | None:
+        """Moment after which it acts, by the clock of its fit; None where it acts in all rows."""
+        return None
+
+    @property
     def shape(self) -> Shape:
         """Fixed numbers of this variant by name, as in model files.
 

@@ -177,6 +177,11 @@ class FtsOffset(CourseEffect):
             return ()
         return tuple(FtsOffset(since_s=t) for t in times_beside(table, self.since_s, STEPS, round_))
 
+    @property
+    def acts_after_s(self) -> float | None:
+        """That of a zero which is another one from then on."""
+        return self.since_s
+
     def course(self, rows: Rows) -> F:
         """One; zero on the free sensor where it acts `mounted`, and before it begins."""
         if self.since_s is not None:
