@@ -766,7 +766,6 @@ def along_time(problem: Problem, slow: SlowPart) -> Problem:
     """Return the problem with its rows whitened along time as well, in noise of this slow part."""
     whitener = Whitener(problem.whitener.each, slow.along(problem.table))
     response = whitener.in_time(problem.response[:, :, None])[:, :, 0]
-    # All columns at once: the filter of one is most of the work of that of many.
     moved = replace(
         problem,
         design=whitener.in_time(problem.design),
