@@ -68,8 +68,9 @@ def settled(time_s: F, tau_s: float) -> F:
     return np.asarray(np.minimum(time_s, 0.0) - tau_s * np.expm1(-np.maximum(time_s, 0.0) / tau_s))
 
 
-_CURVES = (0.5, 0.15)
-"""Curves of a modulus that are tried, over the range of temperatures."""
+_CURVES, _CURVED_K = (0.5, 0.15), 30.0
+"""Curves of a modulus that are tried, over the range of temperatures, and the least range: within
+less any rubber is straight, and more shapes would only fit more noise."""
 
 
 @dataclass(eq=False)
@@ -139,9 +140,10 @@ class TemperatureModulus(OfTemperature):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A straight line, and curves over parts of the range of temperatures."""
+        """A straight line; where they range widely curves over parts of the temperatures too."""
         span = float(np.ptp(table.column("temperature_degC")))
-        curves = (np.inf, *(round(share * span, 3) for share in _CURVES))
+        curved = _CURVES if span > _CURVED_K else ()
+        curves = (np.inf, *(round(share * span, 3) for share in curved))
         return tuple(
             replace(one, curve_K=curve)
             for one in super().variants(table)
