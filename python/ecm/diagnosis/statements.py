@@ -282,8 +282,9 @@ def find_wrong_statement(
         if not best:
             continue
         mended, left = _errors(problem, body, best[0])
-        as_stated = _errors(problem, body, None)[1]
-        if mended <= min(MENDED_SHARE * before, most) and left <= MENDED_SHARE * as_stated:
+        better = mended <= min(MENDED_SHARE * before, most)
+        # Fitted as stated only where the reading may be said: most that are tried are not.
+        if better and left <= MENDED_SHARE * _errors(problem, body, None)[1]:
             return WrongStatement(in_words(best), before, mended)
     return None
 

@@ -330,6 +330,7 @@ class UnusedColumn(LinearEffect):
         """At once and with each lag: added, as a share, as a shift of the rest pose; damping."""
         wrench, pose = ",".join(table.wrench_columns), ",".join(table.pose_columns)
         made: list[Effect] = []
+        dampings = _dampings(table)
         for name in (self.column,) if self.column else varying_columns(table):
             mean, *others = _zeros(table, name)
             for lag in (0.0, *_lags(table)):
@@ -341,10 +342,7 @@ class UnusedColumn(LinearEffect):
                 for zero in others:
                     made.append(UnusedColumn(name, zero, "adds", wrench, lag))
                     made.append(UnusedColumn(name, zero, "shifts", pose, lag))
-            made += [
-                UnusedColumn(name, mean, "damps", of, exponent=power)
-                for of, power in _dampings(table)
-            ]
+            made += [UnusedColumn(name, mean, "damps", of, exponent=a) for of, a in dampings]
         return tuple(made)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
