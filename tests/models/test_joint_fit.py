@@ -303,6 +303,21 @@ def test_one_effect_more_never_raises_the_sum_of_squares(factor: float) -> None:
     assert after.chi2 <= before.chi2 * (1.0 + 1e-6)
 
 
+def test_columns_of_the_base_that_depend_on_each_other_leave_an_effect_its_size() -> None:
+    """A tip that turns as it moves: of its cubic a few terms are one, and the friction is none."""
+    random = np.random.default_rng(1)
+    time = np.arange(400) * 0.05
+    y = 8e-3 * np.sin(1.1 * time) + 4e-3 * np.sin(2.3 * time)
+    rub = np.zeros(len(time))  # N: what sticks along 1 mm, then slips
+    for i in range(1, len(time)):
+        rub[i] = np.clip(rub[i - 1] + 800.0 * (y[i] - y[i - 1]), -0.8, 0.8)
+    turned = 20.0 * y + random.normal(0.0, 1e-4, len(time))
+    force = 500.0 * y + rub + random.normal(0.0, 0.02, len(time))
+    table = as_table({"time_s": time, "y_m": y, "theta_z_rad": turned, "fy_N": force})
+    found = fit_model(table, "poly:3").add("hysteresis").fit(table)
+    assert found.effects[0].values[0] == pytest.approx(0.8, rel=0.01)
+
+
 def test_columns_beyond_a_double_are_refused_in_words() -> None:
     """A fit whose steps grow without end ends in an error of the package, not in a warning."""
     with pytest.raises(ModelError, match="does not converge"):

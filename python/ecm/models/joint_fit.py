@@ -494,14 +494,21 @@ class _At:
     def least_effects(self, size: F, products: F) -> F:
         """(k, k) projection along the null space of the columns, to the smallest effects.
 
-        The identity where the columns of effects and base are independent.
+        The identity where the columns of effects and base are independent. A combination of columns
+        of the base alone moves no effect, though rounding gives it a little of each.
         """
         k, free_base = len(size), self.free_base
         scale = np.array([p.scale for item in self._free for p in item.effect.parameters])
         if not free_base or not len(scale) or not (np.diag(products) > 0.0).all():
             return np.eye(k)
+        if independent_factor(products) is not None:  # a twentieth of the work of the eigenvalues
+            return np.eye(k)
         values, vectors = np.linalg.eigh(products)
-        null = vectors[:, values < _NULL * k] / size[:, None]
+        values, null = values[values < _NULL * k], vectors[:, values < _NULL * k]
+        # With one of its effects counted once, a combination must still be zero.
+        _, shares, turns = np.linalg.svd(null[free_base:], full_matrices=False)
+        squares = np.maximum(turns**2 @ values, np.finfo(np.float64).eps)
+        null = (null @ turns.T)[:, squares < _NULL * k * shares**2] / size[:, None]
         if not null.shape[1]:
             return np.eye(k)
         own = null[free_base:] / scale[:, None]
