@@ -14,13 +14,23 @@ from ecm.diagnosis import diagnose, find_missing, procedure
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.diagnosis.verdict import WEIGHTS
-from ecm.effects import Effect, LinearEffect, Parameter, Rows, effect, get_effect, unregister
+from ecm.effects import (
+    Effect,
+    LinearEffect,
+    Parameter,
+    Rows,
+    effect,
+    effects_of,
+    get_effect,
+    unregister,
+)
+from ecm.effects.protocol import guesses_torques
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.se3 import rotation
 from ecm.io.table import Table, as_table
-from ecm.models import fit, fit_model
+from ecm.models import Model, fit, fit_model
 from ecm.models.energy import Symmetry
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import joint_fit
@@ -85,6 +95,21 @@ def test_an_effect_whose_forces_follow_from_torques_needs_them() -> None:
     assert "torques" in why["base_compliance"].reason
     assert "tau_x_Nm" in why["base_compliance"].record
     assert "fts_offset" not in why
+
+
+def test_poses_of_a_log_that_are_made_quiet_tell_nothing_of_torques() -> None:
+    """Springs between the columns of one axis follow from the poses alone, quiet or not."""
+    time = np.arange(120.0) * 0.1
+    poses = 0.01 * np.sin(np.outer(time, 1.0 + 0.3 * np.arange(6)))
+    poses = poses + np.random.default_rng(5).normal(0.0, 1e-4, poses.shape)
+    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": time}
+    columns |= dict(zip(FORCES, 100.0 * poses[:, :3].T, strict=True))
+    table = as_table(columns, meta={"file": {"kind": "continuous"}})
+    model = linear(table)
+    assert isinstance(model, Model)
+    friction = next(one for one in effects_of(table) if one.id == "hysteresis").variants(table)[0]
+    for quiet in (False, True):
+        assert not guesses_torques(friction, Rows(table, model.base, quiet=quiet))
 
 
 def test_friction_between_poses_in_any_order_is_testable() -> None:

@@ -519,7 +519,7 @@ class Rows:
         unknown = np.array([name not in self.base.outputs for name in WRENCH])
         size = rms(self.stiffness)
         more = size * np.random.default_rng(0).standard_normal((6, 6)) * unknown[:, None]
-        return Rows(self.table, _OfSix(self.of_six.base, more))
+        return Rows(self.table, _OfSix(self.of_six.base, more), quiet=self.quiet)
 
     def of_own(self, values: F) -> F:
         """(N, m, ...) the base's own wrench columns, of values of `of_six`."""
