@@ -229,6 +229,26 @@ def test_what_has_two_readings_is_asked_for(log: dict[str, Any], message: str) -
         import_log(log)
 
 
+def test_x_y_z_tell_the_scalar_of_a_quaternion_that_has_a_number() -> None:
+    """An electromagnetic tracker writes Q0 Qx Qy Qz: no order of four numbers is asked about."""
+    half = np.sqrt(0.5)
+    log = {"Q0": [1.0, half], "Qx": [0.0, half], "Qy": [0.0, 0.0], "Qz": [0.0, 0.0]}
+    log |= {"x_mm": [0.0, 1.0], "Fx_N": [0.0, 2.0]}
+    table = import_log(log).table
+    assert np.allclose(table["theta_x_rad"], [0.0, np.pi / 2.0])
+    last = {name.replace("0", "4"): log[name] for name in ("Qx", "Qy", "Qz", "Q0")}
+    again = import_log(last | {"x_mm": [0.0, 1.0], "Fx_N": [0.0, 2.0]}).table
+    assert np.allclose(again["theta_x_rad"], [0.0, np.pi / 2.0])
+
+
+def test_a_stage_in_a_plane_has_two_axes_and_microradians() -> None:
+    log = {"Cap X [um]": [0.0, 20.0], "Cap Y [um]": [5.0, 0.0], "Rz [µrad]": [0.0, 300.0]}
+    table = import_log(log | {"Fx [mN]": [0.0, 400.0]}).table
+    assert np.allclose(table["x_m"], [0.0, 2e-5])
+    assert np.allclose(table["y_m"], [5e-6, 0.0])
+    assert np.allclose(table["theta_z_rad"], [0.0, 3e-4])
+
+
 def test_map_axis_and_units_by_one_word() -> None:
     log = {"angle": [0.0, 90.0, 359.0], "Load": [0.0, 1.0, 2.0], "humidity": [3.0, 4.0, 5.0]}
     imported = import_log(log, columns={"tau_z_Nm": "Load:gf cm"}, units=["deg"], axis="z")

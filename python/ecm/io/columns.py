@@ -41,9 +41,10 @@ class Unit:
 
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6, "in": _INCH_M,
             "inch": _INCH_M, "inches": _INCH_M, "ft": 12 * _INCH_M}  # fmt: skip
-_ANGLES = {"rad": 1.0, "mrad": 1e-3, "grad": math.pi / 200.0, "rev": 2.0 * math.pi} | dict.fromkeys(
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "grad": math.pi / 200.0,
+           "rev": 2.0 * math.pi} | dict.fromkeys(
     ("deg", "degree", "degrees", "°"), math.pi / 180.0
-)
+)  # fmt: skip
 _FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "gf": _GF_N, "kgf": 1e3 * _GF_N, "lbf": _LBF_N,
            "lb": _LBF_N, "lbs": _LBF_N, "ozf": _LBF_N / 16.0, "daN": 10.0, "uN": 1e-6, "µN": 1e-6,
            "kip": 1e3 * _LBF_N, "kips": 1e3 * _LBF_N, "MN": 1e6}  # fmt: skip

@@ -310,6 +310,11 @@ def _read_names(log: Log) -> dict[str, Named]:
     if len(timed) == 1 and not named[timed[0]].guesses:
         named[timed[0]] = Named((Guess("time"),), named[timed[0]].unit)
     _name_threes(log, named)
+    # Beside x, y and z the fourth number of a quaternion is its scalar: Q0, Qx, Qy, Qz.
+    quaternion = {part: name for name, own in named.items() if (part := own.part("quaternion"))}
+    if len(quaternion) == len(_AXES) + 1 and (scalar := quaternion.keys() - _AXES) <= {"0", "4"}:
+        name = quaternion[scalar.pop()]
+        named[name] = Named((Guess("quaternion", "w"),), named[name].unit)
     # About one axis the angle is the rotation vector, whatever three would be.
     turned = {
         name: part
@@ -324,12 +329,14 @@ def _read_names(log: Log) -> dict[str, Named]:
 
 
 _IN_THREES = ("position", "force", "torque")
+_LEAST_AXES = 2
+"""Axes of names that differ by them alone; a single one says little."""
 
 
 def _name_threes(log: Log, named: dict[str, Named]) -> None:
     """Whatever they are called, the only x, y and z in a unit of length are the position.
 
-    So are those of a force, and of a torque.
+    So are those of a force, and of a torque; and two of them, as of a stage in a plane.
     """
     for quantity in _IN_THREES:
         dimension = QUANTITIES[quantity].dimension
@@ -343,7 +350,7 @@ def _name_threes(log: Log, named: dict[str, Named]) -> None:
                 for axis in {*_AXES}.intersection(words):
                     rest = tuple(word for word in words if word != axis)
                     threes.setdefault(rest, {})[axis] = name
-        whole = [own for own in threes.values() if len(own) == len(_AXES)]
+        whole = [own for own in threes.values() if len(own) >= _LEAST_AXES]
         if len(whole) == 1:
             for axis, name in whole[0].items():
                 named[name] = Named((Guess(quantity, axis),), named[name].unit)
