@@ -10,6 +10,7 @@ import pytest
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
+from ecm.diagnosis.statements import moved_points
 from ecm.io.arrays import F
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
@@ -149,6 +150,23 @@ def test_a_length_that_is_a_tenth_too_large(neck_physics: PhysicsMap) -> None:
     found = diagnose(Model(base=neck_physics), measured(poses, h), effects=["payload"])
     assert found.answer == ()
     assert "or the length looks 0.1137 m, not 0.1034 m" in found.sentence()
+
+
+@pytest.mark.parametrize(("at_rest", "said"), [(L, True), (0.0, False)])
+def test_another_length_mends_only_positions_that_were_made_with_it(
+    at_rest: float, said: bool
+) -> None:
+    """Displacements stay about zero whatever length is stated: that advice would never end."""
+    poses = 1e-3 * np.random.default_rng(3).standard_normal((20, 6))
+    poses[:, 0] += at_rest
+    target = np.array([at_rest - 0.02, 0.0, 0.0])
+
+    def left(moved: F, _: F) -> F:
+        return np.asarray((moved[:, :3] - target).ravel())
+
+    first = next(iter(moved_points(L, poses, poses, left)))
+    assert "from a point (19.8, " in first.words
+    assert ("the length looks" in first.words) is said
 
 
 @pytest.mark.parametrize("what", ["positions", "torque"])

@@ -93,7 +93,9 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[C
         if at is None:
             continue
         said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
-        if of_pose and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
+        # Another length is a mend of positions that were made with it alone: at rest they show it.
+        of_length = abs(float(np.median(poses[:, 0])) - length_m) < abs(at[0])
+        if of_pose and of_length and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
             said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
         yield Convention(said, partial(move, at), of_pose)
 
