@@ -112,6 +112,18 @@ def test_poses_of_a_log_that_are_made_quiet_tell_nothing_of_torques() -> None:
         assert not guesses_torques(friction, Rows(table, model.base, quiet=quiet))
 
 
+def test_what_an_earlier_pose_left_is_known_of_dwell_times_without_a_column_approach() -> None:
+    """A branch of 150 s: of a short rest before it much is left at the next pose."""
+    poses = workspace_poses(80, 9)
+    static, rest = wrench(poses), np.random.default_rng(9).choice([5.0, 20.0, 60.0, 300.0], 80)
+    left, before, read = np.zeros(6), np.zeros(6), []
+    for now, dwell in zip(static, rest, strict=True):
+        left, before = (left + now - before) * np.exp(-dwell / 150.0), now
+        read.append(now + 0.2 * left)
+    times = {"dwell_s": rest, "time_s": np.cumsum(rest + 6.0)}
+    assert answer(rows(poses, np.array(read), 9, **times)) == {"stress_relaxation"}
+
+
 def test_friction_between_poses_in_any_order_is_testable() -> None:
     poses = workspace_poses(40, 6)
     table = rows(poses, wrench(poses), 6)

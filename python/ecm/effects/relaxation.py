@@ -277,7 +277,7 @@ class StressRelaxation(LinearEffect):
             return tuple(replace(self, tau_s=fast, second_tau_s=slow) for fast, slow in pairs)
         form = StressRelaxation(samples="dwell" * few)
         plain = [replace(form, tau_s=tau) for tau in form._taus(table)]
-        if not table.has("time_s") or not (few or table.has("approach")):
+        if not table.has("time_s"):
             return tuple(plain)
         path = replace(form, path="visits", frame=frame)
         visits = [replace(path, tau_s=tau) for tau in path._taus(table)]
