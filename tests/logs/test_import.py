@@ -247,6 +247,11 @@ def test_a_stage_in_a_plane_has_two_axes_and_microradians() -> None:
     assert np.allclose(table["x_m"], [0.0, 2e-5])
     assert np.allclose(table["y_m"], [5e-6, 0.0])
     assert np.allclose(table["theta_z_rad"], [0.0, 3e-4])
+    # Beside three that are a position, two of a spot of light are none.
+    cap = {"Cap Z [um]": [1.0, 0.0], "spot x [mm]": [7.0, 8.0], "spot y [mm]": [9.0, 9.0]}
+    table = import_log(log | cap | {"Fx [mN]": [0.0, 400.0]}).table
+    assert np.allclose(table["x_m"], [0.0, 2e-5])
+    assert np.allclose(table["z_m"], [1e-6, 0.0])
 
 
 def test_map_axis_and_units_by_one_word() -> None:

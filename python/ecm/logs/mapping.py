@@ -329,14 +329,13 @@ def _read_names(log: Log) -> dict[str, Named]:
 
 
 _IN_THREES = ("position", "force", "torque")
-_LEAST_AXES = 2
-"""Axes of names that differ by them alone; a single one says little."""
 
 
 def _name_threes(log: Log, named: dict[str, Named]) -> None:
     """Whatever they are called, the only x, y and z in a unit of length are the position.
 
-    So are those of a force, and of a torque; and two of them, as of a stage in a plane.
+    So are those of a force, and of a torque; where there are no three, the only two, as of a stage
+    in a plane.
     """
     for quantity in _IN_THREES:
         dimension = QUANTITIES[quantity].dimension
@@ -350,8 +349,9 @@ def _name_threes(log: Log, named: dict[str, Named]) -> None:
                 for axis in {*_AXES}.intersection(words):
                     rest = tuple(word for word in words if word != axis)
                     threes.setdefault(rest, {})[axis] = name
-        whole = [own for own in threes.values() if len(own) >= _LEAST_AXES]
-        if len(whole) == 1:
+        most = max(map(len, threes.values()), default=0)
+        whole = [own for own in threes.values() if len(own) == most]
+        if most > 1 and len(whole) == 1:  # one axis alone says little
             for axis, name in whole[0].items():
                 named[name] = Named((Guess(quantity, axis),), named[name].unit)
 

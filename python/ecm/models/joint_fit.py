@@ -501,7 +501,7 @@ class _At:
         scale = np.array([p.scale for item in self._free for p in item.effect.parameters])
         if not free_base or not len(scale) or not (np.diag(products) > 0.0).all():
             return np.eye(k)
-        if independent_factor(products) is not None:  # a twentieth of the work of the eigenvalues
+        if independent_factor(products) is not None:  # far less work than the eigenvalues
             return np.eye(k)
         values, vectors = np.linalg.eigh(products)
         values, null = values[values < _NULL * k], vectors[:, values < _NULL * k]
