@@ -126,7 +126,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     """
     settings = problem.settings
     fit = bounded_estimate(problem, effects, effects)
-    response, fitted = _at_bounds(problem, fit)
+    response, fitted = at_bounds(problem, fit)
     total = np.concatenate([problem.projected_base, fitted], axis=2)
     # Not by random signs as at the gate: in few rows they hide what no library holds (a ripple of
     # three times the noise became `none`), for one weak effect in fifty.
@@ -157,12 +157,12 @@ def _least_strength(problem: Problem) -> float:
 
 def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
     """Return the (N, m) whitened residual after base and effects."""
-    response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
+    response, fitted = at_bounds(problem, bounded_estimate(problem, effects, effects))
     theta = lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)
     return np.asarray(response - fitted @ theta)
 
 
-def _at_bounds(problem: Problem, fit: Estimate) -> tuple[F, F]:
+def at_bounds(problem: Problem, fit: Estimate) -> tuple[F, F]:
     """Return the response without the parameters at a bound, and the columns of the others.
 
     A parameter that would explain more beyond its bound stays at the bound: what it would explain

@@ -17,11 +17,10 @@ Each stage is a function that can be called by itself; what it returns is the in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial, wraps
-from itertools import product
 from typing import Any, cast
 
 import numpy as np
@@ -34,6 +33,7 @@ from ecm.diagnosis.left_over import (
     Leftover,
     Pattern,
     Unknown,
+    at_bounds,
     describe_residual,
     find_pattern,
     gate,
@@ -53,6 +53,7 @@ from ecm.diagnosis.problem import (
 from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import (
     Ranked,
+    bounded_estimate,
     delta_chi2,
     held_out_rms,
     kind_of,
@@ -74,7 +75,7 @@ from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.fit import (
@@ -86,6 +87,7 @@ from ecm.models.fit import (
     one_degree_less,
     symmetric_energy,
 )
+from ecm.models.joint_fit import base_columns
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -94,7 +96,7 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import FAR_BEYOND_NOISE, addition_to, is_far_behind
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
-from ecm.regression.rows import actuators_of, naming_outliers
+from ecm.regression.rows import Rows, actuators_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
 
 _RELINEARISED = 2
@@ -164,9 +166,8 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
         for degree in (base.model.degree + 1, base.model.degree + 2):
             tried.append(fit_base(measured, PolynomialModel(degree)))
     best, least = None, _error_left(decision)
-    for richer, kept in product(tried, beside):
-        with suppress(ModelError, InputError):  # base and effects run away from the rows
-            error = _error_of(problem, richer, kept)
+    for richer in tried:
+        for error in _errors_beside(problem, richer, beside):
             if error < least and (decision.answer or _lower_bic(problem, richer, error)):
                 best, least = richer, error
     return best
@@ -194,7 +195,7 @@ def _far_better_degree(decision: Decision, given: StiffnessMap) -> str:
 def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
     """Whether a base with this error has a lower BIC than that of the problem."""
     size, own = problem.size, len(problem.base.coefficients)
-    before = _error(problem, problem.fit.residual, own)
+    before = _error_after(problem, ())
     k = len(richer.coefficients)
     fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
     return bool(fall > (k - own) * np.log(size))
@@ -210,7 +211,13 @@ def _floor(problem: Problem) -> float:
 
 def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
     """Return the error after base and accepted effects, over the noise of this or another base."""
-    problem, effects = decision.problem, decision.accepted.effects
+    return _error_after(decision.problem, decision.accepted.effects, weighed)
+
+
+def _error_after(
+    problem: Problem, effects: Sequence[Candidate], weighed: Problem | None = None
+) -> float:
+    """Return the error after the base and these effects, over the noise of this or another base."""
     whitened = residual_after(problem, effects)[:, :, None]
     residual = problem.whitener.back(whitened)[:, :, 0]
     return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
@@ -224,6 +231,24 @@ def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate]
     """
     residual = problem.fit_with(effects, base).residual
     return _error(problem, residual, len(base.coefficients), effects)
+
+
+def _errors_beside(
+    problem: Problem, base: StiffnessMap, sets: Iterable[Sequence[Candidate]]
+) -> Iterator[float]:
+    """Yield the error of another base beside each set of effects, as linear as the problem is.
+
+    Of thousands of columns one projection serves all sets, where a fit of each takes minutes.
+    """
+    block = problem.whitener @ base_columns(Rows(problem.table, base).quieted, base)
+    projection = Projection.of(block, np.sqrt(problem.weights))
+    for effects in sets:
+        parts = at_bounds(problem, bounded_estimate(problem, effects, effects))
+        y, z = (projection.rest(part) for part in (parts[0][:, :, None], parts[1]))
+        left = rest_of(projection.flat(z), projection.flat(y)).reshape(y.shape)
+        safe = np.where(projection.root > 0.0, projection.root, 1.0)
+        residual = problem.whitener.back(left / safe[:, None, None])[:, :, 0]
+        yield _error(problem, residual, len(base.coefficients), effects)
 
 
 def _error(
@@ -531,7 +556,8 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
     of_pose = decision.unknown is not None and decision.unknown.variables == ("pose",)
     alone = held_out_rms(problem, ()) if nothing or of_pose else 0.0
     richer = more_degrees(problem.base, problem.table) if alone > NEAR_NOISE else None
-    if richer is not None and _lower_bic(problem, richer, _error_of(problem, richer)):
+    errors = () if richer is None else _errors_beside(problem, richer, [()])
+    if richer is not None and any(_lower_bic(problem, richer, error) for error in errors):
         again = against(richer)
         # Effects imitate the rest of a form that is still too plain.
         plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE

@@ -22,11 +22,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
+from ecm.regression.f_test import independent_factor, orthonormal
 from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener
@@ -517,35 +519,34 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     """Fisher scoring of the restricted likelihood in log variances, with a normal prior."""
     log_variance, last, longest = start.copy(), np.zeros(len(start)), 1.0
     count, m = data.response.shape
-    flat = data.nuisance.reshape(count * m, -1)
-    norms = np.sqrt((flat**2).sum(axis=0))
-    flat = flat[:, norms > 0.0] / norms[norms > 0.0]
-    nuisance = flat.reshape(count, m, -1)
+    # An orthonormal basis in the noise of the start spares the iterations what is dependent.
+    first = np.linalg.cholesky(np.tensordot(np.exp(start), data.parts, 1))
+    basis = orthonormal(np.linalg.solve(first, data.nuisance).reshape(count * m, -1))
+    nuisance = first @ basis.reshape(count, m, -1)
+    flat = nuisance.reshape(count * m, -1)
     for _ in range(_ITERATIONS):
         parts = data.parts * np.exp(log_variance)[:, None, None, None]
         inverse = np.linalg.inv(parts.sum(axis=0))
-        # P = V^-1 - W A W', W = V^-1 X, A = (X' V^-1 X)^+: V is block diagonal, X is thin.
+        # P = V^-1 - U U', U = V^-1 X R, R R' = (X' V^-1 X)^+: V is block diagonal.
         weighted = inverse @ nuisance
-        flat_weighted = weighted.reshape(count * m, -1)
-        normal = flat_weighted.T @ nuisance.reshape(count * m, -1)
-        inner = np.linalg.pinv(normal, hermitian=True, rcond=1e-10)
-        fitted = inner @ (flat_weighted.T @ data.response.ravel())
-        py = np.einsum("cij,cj->ci", inverse, data.response) - weighted @ fitted
+        root = _root_of_inverse(weighted.reshape(count * m, -1).T @ flat)
+        own = (weighted.reshape(count * m, -1) @ root).reshape(count, m, -1)
+        along = own.reshape(count * m, -1).T @ data.response.ravel()
+        py = np.einsum("cij,cj->ci", inverse, data.response) - own @ along
         products = inverse @ parts
-        acting = (parts @ weighted).reshape(len(parts), count * m, -1)
-        seen = np.stack([inner @ (flat_weighted.T @ a) for a in acting])
+        acting = parts @ own
+        back = (inverse @ acting).reshape(len(parts), -1)
+        seen = [own.reshape(count * m, -1).T @ a.reshape(count * m, -1) for a in acting]
         score = np.zeros(len(parts))
         information = np.zeros((len(parts), len(parts)))
         for q, part in enumerate(parts):
             quadratic = np.einsum("ci,cij,cj->", py, part, py)
             trace = np.einsum("cii->", products[q]) - np.trace(seen[q])
             score[q] = 0.5 * (quadratic - trace)
-            back = (inverse @ acting[q].reshape(count, m, -1)).reshape(count * m, -1)
-            for r in range(len(parts)):
+            for r in range(q, len(parts)):
                 whole = np.einsum("cij,cji->", products[q], products[r])
-                mixed = np.trace(inner @ (back.T @ acting[r]))
-                both = np.einsum("ij,ji->", seen[q], seen[r])
-                information[q, r] = 0.5 * (whole - 2.0 * mixed + both)
+                mixed, both = back[q] @ acting[r].ravel(), np.vdot(seen[q], seen[r])
+                information[[q, r], [r, q]] = 0.5 * (whole - 2.0 * mixed + both)
         score -= (log_variance - prior) / width**2
         information += np.eye(4) / width**2
         step = np.clip(np.linalg.solve(information, score), -longest, longest)
@@ -557,6 +558,17 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
         if float(np.abs(step).max()) < 1e-3:
             break
     return np.asarray(log_variance)
+
+
+def _root_of_inverse(products: F) -> F:
+    """(k, r) root R, R R' the inverse of the products (k, k) of columns, of any rank."""
+    unit = np.sqrt(np.diag(products))
+    factor = independent_factor(products / unit / unit[:, None])
+    if factor is not None and len(factor):  # far less work than the eigenvalues
+        return np.asarray(np.triu(dtrtri(factor)[0]) / unit[:, None])
+    values, vectors = np.linalg.eigh(products)
+    seen = values > 1e-10 * values[-1:]
+    return np.asarray(vectors[:, seen] / np.sqrt(values[seen]))
 
 
 def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
