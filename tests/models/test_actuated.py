@@ -524,6 +524,31 @@ def test_a_wrong_pressure_is_named(
     assert f"; in {actuator})" in found.summary().missing
 
 
+@pytest.mark.parametrize(("name", "size"), [("pressure_gain", 0.1), ("none", 0.0)])
+def test_three_forces_fit_and_name_as_six_loads_do(
+    name: str, size: float, table: Table, model: Model, plant: Model, tmp_path: Path
+) -> None:
+    true = table.matrix(PRESSURES)
+    true[:, 1] *= 1.0 + size
+    of_forces = recorded_wrong(table, plant, true).drop(*WRENCH[3:])
+    fitted = ecm.fit_model(of_forces, "actuated4")
+    assert fitted.outputs == WRENCH[:3]
+    left = fitted.predict(of_forces) - of_forces.matrix(WRENCH[:3])
+    assert name != "none" or np.all(left.std(axis=0) < 0.008)
+    path = tmp_path / "arm.json"
+    fitted.save(path)
+    np.testing.assert_array_equal(
+        ecm.load_model(path).predict(of_forces), fitted.predict(of_forces)
+    )
+    found = ecm.diagnose(fitted, of_forces)
+    assert [item.id for item in found.effects] == [name] * (name != "none")
+    assert "pressure_gain" not in {item.id for item in found.not_testable}
+    with pytest.raises(InputError, match="known for fx_N, fy_N, fz_N alone") as refused:
+        ecm.export(fitted, "c", tmp_path / "out")
+    assert refused.value.remedy is not None
+    assert "--model cubic" in refused.value.remedy.command
+
+
 def test_effects_of_actuators_are_listed_where_there_are_some(table: Table) -> None:
     names = {item.id for item in ecm.effects.effects_of(table)}
     assert {"pressure_offset", "regulator_lag", "chamber_leak"} <= names

@@ -22,6 +22,7 @@ from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.joint_fit import declared_or_fitted
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
 from ecm.models.maps import SYMMETRIES, FittedMap, ModelSpecification, Symmetry, Weights, length_of
+from ecm.models.partial import fit_measured, is_partial, measured_part, need_pose
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows, inputs_of, taken_by
 
@@ -62,12 +63,14 @@ def exchanged(table: Table, model: ActuatedModel) -> WrongConvention | None:
         return None
     plain = table.drop(*amount_columns(table.columns))
 
+    truth = plain.matrix(plain.wrench_columns)
+
     def error(order: tuple[str, ...]) -> float:
         columns = {name: table[other] for name, other in zip(names, order, strict=True)}
         own = plain.with_columns(columns)
         fitted = low.fit_map(own, "spread").base
-        left = fitted.predict(own.matrix((*POSE, *names))) - own.wrenches
-        share = left.std(axis=0) / np.maximum(own.wrenches.std(axis=0), 1e-300)
+        left = measured_part(fitted, own).predict(own.matrix((*POSE, *names))) - truth
+        share = left.std(axis=0) / np.maximum(truth.std(axis=0), 1e-300)
         return float(np.exp(np.mean(np.log(share + 1e-300))))
 
     if len(names) <= _ALL_ORDERS:
@@ -188,7 +191,8 @@ class ActuatedModel(ModelSpecification):
                 f"{table.source}: {self.name} needs the actuators' columns, pressure_1_Pa, "
                 "pressure_2_Pa, ...; without them take another model (ecm fit --model choose)"
             )
-        rows, wrenches = table.matrix((*POSE, *actuation)), table.matrix(WRENCH)
+        need_pose(table, self.name)
+        rows = table.matrix((*POSE, *actuation))
         base = self.empty_map(rows, length_of(table, self.name), actuation)
         terms = base.terms
         moved, kinds = np.ptp(rows[:, 6:], axis=0) > 0.0, np.array(terms.kinds)
@@ -199,6 +203,9 @@ class ActuatedModel(ModelSpecification):
                     f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
                     "what it does; give rows in which it varies, or leave the column out"
                 )
+        if is_partial(table):  # as an energy of the pose: amounts are not taken
+            return fit_measured(base, table, weights == "spread", progress)
+        wrenches = table.wrenches
         amounts, of = _measured_amounts(table, actuation)
         equations = len(table) * (6 + len(of))
         if equations < terms.count() + (len(base.pure_J) if of else 0):

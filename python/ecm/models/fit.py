@@ -75,8 +75,8 @@ def remedy_of_inputs(table: Table, out: str = "OUT") -> Remedy:
 
 
 def _has_energy_of_inputs(table: Table) -> bool:
-    whole = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
-    return whole and bool(table.actuation_columns)
+    six = table.has(*POSE, *WRENCH) or is_partial(table)
+    return six and table.meta.length_m is not None and bool(table.actuation_columns)
 
 
 def fit_rows(

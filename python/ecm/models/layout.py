@@ -249,7 +249,7 @@ def _training(n: int, m: int, taken: int) -> Layout:
     return record({}, known, others=True)
 
 
-def check_document(document: Mapping[str, Any], count: int) -> None:
+def check_document(document: Mapping[str, Any], count: int, taken: int) -> None:
     """Check what all families have in an opened model file.
 
     Parameters
@@ -258,6 +258,8 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
         The document; its columns are a list of names, as `open_model` ensures.
     count
         Number of coefficients.
+    taken
+        Number of columns that the map takes, those of its actuators too.
 
     Raises
     ------
@@ -265,8 +267,6 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
         A value has another type, shape or range; the message names its place.
     """
     n, m = len(document["inputs"]), len(document["outputs"])
-    own = document.get("parameters")
-    actuators = own.get("actuators", []) if isinstance(own, dict) else []
     residual = record({"source": text, "components": array(m, positive=True)})
     noise = document["noise"]
     of_components = isinstance(noise, dict) and "components" in noise
@@ -275,7 +275,7 @@ def check_document(document: Mapping[str, Any], count: int) -> None:
         "noise": residual if of_components else _NOISE,
         "effects": items(_EFFECT),
         "covariance": anything,
-        "training": _training(n, m, n + len(actuators)),
+        "training": _training(n, m, taken),
         "domain": _domain(document["inputs"]),
     }
     optional = {

@@ -54,6 +54,7 @@ class MeasuredMap(MapDefaults):
     name = _of_whole("name")
     kind = _of_whole("kind")
     inputs = _of_whole("inputs")
+    actuators = _of_whole("actuators")
     length_m = _of_whole("length_m")
     coefficients = _of_whole("coefficients")
     parameter_names = _of_whole("parameter_names")
@@ -87,6 +88,11 @@ class MeasuredMap(MapDefaults):
         """(N, m, n); kinds other than `partial` need all six wrench columns."""
         partial = np.ascontiguousarray(self.whole.stiffness(poses)[:, self.places])
         return partial_to(kind, partial, poses, self)
+
+    def actuation_jacobian(self, poses: F) -> F:
+        """(N, m, a) slope to the inputs of actuators, of a map that has some."""
+        whole: Any = self.whole
+        return np.ascontiguousarray(whole.actuation_jacobian(poses)[:, self.places])
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the coefficients."""

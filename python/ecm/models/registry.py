@@ -36,6 +36,7 @@ from ecm.models.maps import ModelSpecification, StiffnessMap
 from ecm.models.partial import MEASURED, MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel, Threshold
+from ecm.regression.rows import taken_by
 
 MODELS: tuple[type[ModelSpecification], ...] = (
     PolynomialModel,
@@ -106,7 +107,7 @@ def map_from_document(document: dict[str, Any]) -> StiffnessMap:
     """Return the map of an opened model file, whose layout is checked; InputError where wrong."""
     measured = document["kind"] == MEASURED
     base: StiffnessMap = _measured(document) if measured else _whole(document, "")
-    check_document(document, len(base.coefficients))
+    check_document(document, len(base.coefficients), len(taken_by(base)))
     return base
 
 

@@ -313,11 +313,19 @@ class _OfSix(_AsWhole):
 
     more: F = field(default_factory=lambda: np.zeros((6, 6)))
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        return actuators_of(self.base)
+
     def predict(self, poses: F) -> F:
-        return np.asarray(self._placed(self.base.predict(poses)) + poses @ self.more.T)
+        return np.asarray(self._placed(self.base.predict(poses)) + poses[:, :6] @ self.more.T)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         return np.asarray(self._placed(self.base.stiffness(poses)) + self.more)
+
+    def actuation_jacobian(self, poses: F) -> F:
+        base: Any = self.base
+        return self._placed(base.actuation_jacobian(poses))
 
     def other_body(self, change: BodyChange) -> BaseMap | None:
         other = self.base.other_body(change)

@@ -460,6 +460,15 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     has_code = kind in _WITH_CODE
     if not acting and has_code:
         return bare, [], 0.0
+    if actuators_of(model.base) and not acting:
+        raise InputError(
+            f"{model.name}: files hold such an energy of all six wrench columns, and this one is "
+            f"known for {', '.join(model.outputs)} alone",
+            remedy=Remedy(
+                "fit a polynomial of pose and inputs, which files hold, and export that",
+                "ecm fit DATA --model cubic --out cubic.json",
+            ),
+        )
     if actuators_of(model.base):
         raise InputError(
             f"{model.name}: effects on the pose are folded into a map of the pose alone, which has "
