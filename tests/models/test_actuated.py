@@ -549,6 +549,17 @@ def test_three_forces_fit_and_name_as_six_loads_do(
     assert "--model cubic" in refused.value.remedy.command
 
 
+def test_what_chambers_that_act_for_themselves_take_in_is_named_beside_equal_ones(
+    table: Table, model: Model, plant: Model
+) -> None:
+    true = table.matrix(PRESSURES)
+    true[:, 1] += 3000.0
+    wrong = recorded_wrong(table, plant, true)
+    found = ecm.diagnose(ecm.fit_model(wrong, "actuated3-general:1"), wrong)
+    assert [item.id for item in found.effects] == ["pressure_offset"]
+    assert found.effects[0].effect.shape["actuator"] == "pressure_2_Pa"
+
+
 def test_effects_of_actuators_are_listed_where_there_are_some(table: Table) -> None:
     names = {item.id for item in ecm.effects.effects_of(table)}
     assert {"pressure_offset", "regulator_lag", "chamber_leak"} <= names

@@ -78,6 +78,7 @@ from ecm.io.arguments import listed
 from ecm.io.arrays import F, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.models.actuated import ActuatedMap
 from ecm.models.fit import (
     as_model,
     choose_base,
@@ -544,7 +545,8 @@ def find_missing(
     def again(base: StiffnessMap) -> Decision:
         return _with_family(beside(decision.prepared, settings, None, base), stages.describe)
 
-    return _of_another_degree(_with_given_form(model, decision, again), again)
+    formed = _with_equal_actuators(_with_given_form(model, decision, again), again)
+    return _of_another_degree(formed, again)
 
 
 def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Decision]) -> Decision:
@@ -576,6 +578,23 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
         # Of some degrees more than one may be too many, as of rows along one path.
         poorer, goes_on = fewer, far < held_out_rms(again.problem, ()) < alone
     return decision
+
+
+def _with_equal_actuators(
+    decision: Decision, against: Callable[[StiffnessMap], Decision]
+) -> Decision:
+    """Return the names against an energy of equal actuators, where these err less beside it.
+
+    An energy in which each actuator acts for itself takes in a part of what one of them does wrong,
+    and nothing of the rest but by what imitates it.
+    """
+    base = whole_map(decision.problem.base)
+    alike = not isinstance(base, ActuatedMap) or base.terms.body == "alike"
+    if alike or _held_out(decision, decision) <= NEAR_NOISE:
+        return decision
+    again = against(symmetric_energy(decision.problem.table))
+    better = _held_out(again, decision) < _BESIDE_NAMES * _held_out(decision, again)
+    return again if again.answer and better else decision
 
 
 def _held_out(decision: Decision, other: Decision) -> float:
