@@ -290,6 +290,26 @@ def test_the_only_x_y_and_z_in_a_unit_are_known_whatever_they_are_called() -> No
     assert not import_log(twice).table.pose_columns  # of two nothing tells which
 
 
+def test_an_axis_at_the_end_of_a_word_beside_others_is_known_by_its_unit() -> None:
+    names = ["LC_Fx_gf", "LC_Fy_gf", "LC_Fz_gf", "LC_Mx_Nmm", "LC_My_Nmm", "LC_Mz_Nmm"]
+    loads = LOAD / np.repeat([9.80665e-3, 1e-3], 3)
+    log = dict(zip(names, loads.T, strict=True)) | {"max_gf": LOAD[:, 0]}
+    assert np.allclose(import_log(log).table.matrix(WRENCH), LOAD)
+
+
+def test_three_angles_without_a_known_name_beside_a_position_are_asked_about() -> None:
+    angles = Rotation.from_rotvec(TURN).as_euler("xyz", degrees=True)
+    log = dict(zip(("X [mm]", "Y [mm]", "Z [mm]"), 1e3 * PLACE.T, strict=True))
+    log |= dict(zip(("U [deg]", "V [deg]", "W [deg]"), angles.T, strict=True))
+    log |= dict(zip(WRENCH, LOAD.T, strict=True))
+    with pytest.raises(InputError, match="no name tells about which axes") as refused:
+        import_log(log)
+    assert '--rotation "XYZ:U [deg],V [deg],W [deg]"' in str(refused.value)
+    check_all(import_log(log, rotation="xyz:U [deg],V [deg],W [deg]"))
+    kept = import_log(log, columns={"own_angle": "U [deg]"}).table
+    assert {"own_angle", "v__deg", "w__deg"} <= set(kept.columns)
+
+
 def test_the_rest_before_a_reading_is_known_beside_the_time() -> None:
     log = {"t [s]": np.arange(N), "Dwell time [s]": LOAD[:, 3] ** 2, "x [mm]": LOAD[:, 0]}
     table = import_log(log | {"Fx [N]": LOAD[:, 1]}).table

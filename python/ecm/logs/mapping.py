@@ -237,6 +237,9 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
     within = tuple(f"{one}." for one in others)
     left = [name for name in named if name not in used and not name.startswith(within)]
     notes += _unnumbered_pressures(left, named, found)
+    turned = rotation is not None or not found.keys().isdisjoint(POSE[3:])
+    if not turned and not needed and (asked := _unnamed_turns(left, named, found, source)):
+        raise asked
     own_names = unique_names(map(_own_name, left), taken=found)
     known = {*found, *used, *(POSE[3:] if rotation is not None else ())}
     return ColumnMap(
@@ -342,18 +345,50 @@ def _name_threes(log: Log, named: dict[str, Named]) -> None:
         if any(guess.dimension == dimension for own in named.values() for guess in own.guesses):
             continue
         threes: dict[tuple[str, ...], dict[str, str]] = {}
-        for name in log.columns:
-            unit = named[name].unit
-            if unit is not None and unit.dimension == dimension and not is_no_reading(name):
-                words = words_of(name)
-                for axis in {*_AXES}.intersection(words):
-                    rest = tuple(word for word in words if word != axis)
-                    threes.setdefault(rest, {})[axis] = name
+        units = {n: unit for n in log.columns if (unit := _stated(n, named[n], dimension))}
+        for name in units:
+            words = words_of(name)
+            # FX of a cell called LC is x of LC F: what else the names hold is alike.
+            for place, word in enumerate(words):
+                rest = (*words[:place], word[:-1], *words[place + 1 :])
+                if word[-1] in _AXES:
+                    threes.setdefault(tuple(filter(None, rest)), {})[word[-1]] = name
         most = max(map(len, threes.values()), default=0)
         whole = [own for own in threes.values() if len(own) == most]
         if most > 1 and len(whole) == 1:  # one axis alone says little
             for axis, name in whole[0].items():
-                named[name] = Named((Guess(quantity, axis),), named[name].unit)
+                named[name] = Named((Guess(quantity, axis),), units[name])
+
+
+def _stated(name: str, own: Named, dimension: str) -> Unit | None:
+    """The unit of a dimension that a column states, of one that is a reading."""
+    unit = own.unit or trailing_units(name)[1].get(dimension)
+    fits = unit is not None and unit.dimension == dimension
+    return unit if fits and not is_no_reading(name) else None
+
+
+def _unnamed_turns(
+    left: Sequence[str], named: Mapping[str, Named], found: Mapping[str, Source], source: str
+) -> Question | None:
+    """What to ask where a position has no rotation, and three other columns are angles: U, V, W."""
+    angles = [name for name in left if _stated(name, named[name], "angle")]
+    if len(angles) != len(_AXES) or not found.keys() >= {*POSE[:3]}:
+        return None
+    shown, option = ", ".join(angles), ",".join(angles)
+    ways = {"xyz": "fixed axes x, y and z", "XYZ": "moving axes x, y and z"}
+    said = " or ".join(f'--rotation "{word}:{option}" (the {ways[word]})' for word in ways)
+    return Question(
+        f"{source}: {shown} are angles, and no name tells about which axes the mechanism turns, "
+        f"one after the other. Say which: {said}, or another order; or keep them as columns of "
+        f'your own: --map "own_angle={angles[0]}"',
+        *(
+            Answer(
+                {"rotation": f"{word}:{option}"},
+                f"{shown} are taken as turns about the {axes}, in this order",
+            )
+            for word, axes in ways.items()
+        ),
+    )
 
 
 def _renamed(log: Log) -> list[str]:

@@ -215,7 +215,8 @@ class Source:
 
     def __str__(self) -> str:
         name = f"-{self.column}" if self.sign < 0.0 else self.column
-        return name if self.unit.factor == 1.0 else f"{name} [{self.unit.word}]"
+        told = self.unit.factor == 1.0 or self.column.endswith(f"[{self.unit.word}]")
+        return name if told else f"{name} [{self.unit.word}]"
 
 
 @dataclass(frozen=True)
