@@ -11,7 +11,14 @@ import pytest
 
 from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
-from ecm.fem.simulate import fem_poses, simulate, solve_wrenches
+from ecm.fem.simulate import (
+    TABLE_I_MAX,
+    TABLE_I_MIN,
+    Workspace,
+    fem_poses,
+    simulate,
+    solve_wrenches,
+)
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import read_table
 from support.meshes import block_mesh
@@ -230,3 +237,14 @@ def test_functions_that_draw_point_to_the_one_that_solves_given_wrenches() -> No
     solve: Any = solve_wrenches
     with pytest.raises(InputError, match=r"a dict, expected an ecm\.Mechanism"):
         solve(NECK, WRENCH)
+
+
+def test_loads_that_nobody_states_are_those_of_the_body() -> None:
+    neck, small = Mechanism(), Mechanism(length_m=0.06, radius_m=0.012, young_modulus_Pa=4e5)
+    low, high = Workspace().box(neck)
+    np.testing.assert_array_equal(low, TABLE_I_MIN)
+    # E I / L^2 of forces, E I / L of moments, to that of the neck.
+    moment = 4.0 / 6.5 * (12.0 / 33.0) ** 4 / (0.06 / 0.1034)
+    expected = high * np.repeat([moment / (0.06 / 0.1034), moment], 3)
+    np.testing.assert_allclose(Workspace().box(small)[1], expected)
+    np.testing.assert_array_equal(Workspace(wrench_max=TABLE_I_MAX).box(small)[1], TABLE_I_MAX)

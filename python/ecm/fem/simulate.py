@@ -326,10 +326,11 @@ class Workspace(Checked):
     """Largest rotation angle of an admissible pose, in rad, not degrees."""
     stretch_limit: float = setting(2.5, above=0.0)
     """Largest principal stretch in the body of an admissible pose."""
-    wrench_min: tuple[float, ...] = setting(TABLE_I_MIN)
-    """Lower limits of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m."""
-    wrench_max: tuple[float, ...] = setting(TABLE_I_MAX)
-    """Upper limits of the same; the default is Table I of the paper."""
+    wrench_min: tuple[float, ...] | None = setting(None, size=6)
+    """Lower limits of the box of random wrenches: fx fy fz in N, taux tauy tauz in N m; default:
+    those of the paper's neck, scaled to the bending stiffness and length of the body."""
+    wrench_max: tuple[float, ...] | None = setting(None, size=6)
+    """Upper limits of the same."""
     pressure_min_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
     """Lower limits of the box of gauge pressures, Pa: of all chambers, or one for each."""
     pressure_max_Pa: tuple[float, ...] = setting((0.0,), any_size=True)
@@ -345,16 +346,19 @@ class Workspace(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.wrench_min) != len(self.wrench_max):
-            raise InputError("wrench_min and wrench_max: expected six numbers each")
-        if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
-            raise InputError("wrench_min must be below wrench_max in each component")
+        if self.wrench_min is not None and self.wrench_max is not None:
+            _check_order(self.wrench_min, self.wrench_max)
 
     def box(self, mechanism: Mechanism) -> tuple[F, F]:
         """Corners (6 + m,) of the wrenches and of the inputs of a mechanism's m actuators."""
         tendons = len(mechanism.actuators) - mechanism.chambers
         corners = []
-        for name, wrench in (("min", self.wrench_min), ("max", self.wrench_max)):
+        least, most = self.wrench_min, self.wrench_max
+        if least is None or most is None:
+            usual = usual_wrenches(mechanism)
+            least, most = least or usual[0], most or usual[1]
+            _check_order(least, most)
+        for name, wrench in (("min", least), ("max", most)):
             corner = list(wrench)
             for key, count, bodies in (
                 (f"pressure_{name}_Pa", mechanism.chambers, "chambers"),
@@ -372,6 +376,24 @@ class Workspace(Checked):
         if (high < low).any():
             raise InputError("[workspace]: a lower limit of pressure or tension is above the upper")
         return low, high
+
+
+def usual_wrenches(mechanism: Mechanism) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Corners of Table I, which belongs to the paper's neck, scaled to a body.
+
+    Its forces scale with E I / L^2, its moments with E I / L.
+    """
+    neck, section = Mechanism(), "bending_stiffness_Nm2"
+    lever = mechanism.length_m / neck.length_m
+    moment = mechanism.rod_sections()[section] / neck.rod_sections()[section] / lever
+    factors = np.array([moment / lever] * 3 + [moment] * 3)
+    low, high = (tuple((np.asarray(end) * factors).tolist()) for end in (TABLE_I_MIN, TABLE_I_MAX))
+    return low, high
+
+
+def _check_order(low: tuple[float, ...], high: tuple[float, ...]) -> None:
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        raise InputError("wrench_min must be below wrench_max in each component")
 
 
 class RandomWrenches:
@@ -877,16 +899,6 @@ def fem_poses(
     """
     _check_mechanism("fem_poses", mechanism)
     _check_number("fem_poses", n)
-    # Table I belongs to the neck: forces of a body scale with E I / L^2, moments with E I / L.
-    neck = Mechanism()
-    lever = mechanism.length_m / neck.length_m
-    section = "bending_stiffness_Nm2"
-    moment = mechanism.rod_sections()[section] / neck.rod_sections()[section] / lever
-    factors = np.array([moment / lever] * 3 + [moment] * 3)
-    workspace = Workspace(
-        rotation_limit_rad=rotation_limit_rad,
-        wrench_min=tuple(float(v) for v in np.asarray(TABLE_I_MIN) * factors),
-        wrench_max=tuple(float(v) for v in np.asarray(TABLE_I_MAX) * factors),
-    )
+    workspace = Workspace(rotation_limit_rad=rotation_limit_rad)
     pairs = simulate(mechanism, n, workspace, seed=seed, threads=threads, progress=progress)
     return pairs.poses, pairs.wrenches
