@@ -50,7 +50,7 @@ from ecm.models.registry import was_trained_on
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import RowsUsed, without_zero_readings
-from ecm.regression.noise import Noise
+from ecm.regression.noise import Noise, lacking_figures
 from ecm.regression.rows import Rows, unused_inputs
 from ecm.report import figures as draw
 from ecm.report.blocks import (
@@ -271,10 +271,13 @@ class Comparison(Shown):
         if self.noise.is_assumed:
             part = f" A part of it {follows}." if self.missing else ""
             share = self.shares_of_spread[self.components.index(worst)]
+            made = self.compared
+            columns = (*made.model.inputs, *made.model.outputs)
+            figures = ", ".join(lacking_figures(made.table, columns)) or "figures"
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "
-                "spread; without repeats or [instrument] figures nothing says how much of it is "
-                f"noise.{part}"
+                f"spread; without repeats or [instrument] {figures} nothing says how much of it "
+                f"is noise.{part}"
             )
         where = {"repeats": "from repeats", "declared": "as declared"}
         times = f"{self.whitened_rms:.2f} times the noise floor {where[self.noise.source]}"
