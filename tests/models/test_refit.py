@@ -90,6 +90,20 @@ def test_what_is_one_with_the_base_is_no_number_but_a_refusal() -> None:
     assert "--add payload" in remedy.command
 
 
+def test_a_part_of_an_effect_that_is_one_with_the_base_is_no_number_either() -> None:
+    """Of a load along the axis a symmetric energy holds the lever: it was -3e-12 +- 5e-14 kg m."""
+    random = np.random.default_rng(0)
+    span, size = np.repeat([5e-3, 0.05], 3), np.repeat([20.0, 0.3], 3)
+    unit = random.uniform(-1.0, 1.0, (200, 6))
+    wrench = size * (unit + 0.001 * random.standard_normal((200, 6))) - [-3.0, 0, 0, 0, 0, 0]
+    rows = np.column_stack([unit * span + [0.1, 0, 0, 0, 0, 0], wrench]).T
+    meta = {"mechanism": {"length_m": 0.1}}
+    table = ecm.Table(dict(zip([*POSE, *WRENCH], rows, strict=True)), meta)
+    report = refit(fit_model(table, "energy4"), table, add="payload", force=True).fit_report()
+    assert "mass_x: one with coefficients of energy4, these rows tell only their sum" in report
+    assert "mass_y = " in report
+
+
 def test_below_the_noise_no_error_refuses_and_a_residual_is_no_noise() -> None:
     x = np.linspace(-0.01, 0.01, 9)
     model = fit_model({"x_m": x, "fx_N": 2000.0 * x}, "linear")

@@ -76,6 +76,10 @@ _NO_WORSE = 1.0 + 1e-6
 _RAN_AWAY = "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
 
 
+_ROUNDING = 1e-6
+"""Share of its usual size up to which a parameter is the rounding of zero."""
+
+
 @dataclass(frozen=True)
 class FittedEffect:
     """An effect with its values; a frozen one keeps them in a refit."""
@@ -127,6 +131,12 @@ class FittedEffect:
             ],
             dtype=bool,
         )
+
+    @property
+    def taken(self) -> B:
+        """(k,) whether the base has taken a parameter: value and error are only rounding."""
+        scale = np.array([parameter.scale for parameter in self.effect.parameters])
+        return np.asarray(np.abs(self.values) + self.sd < _ROUNDING * scale)
 
 
 @dataclass(frozen=True)

@@ -340,7 +340,16 @@ class Model(Shown, EvaluatedModel):
                     for k, v in item.effect.shape.items()
                 )
                 lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
-                for (parameter, value, sd), bound in zip(item.listed, item.at_bounds, strict=True):
+                one = item.taken & (self.training.get("smallest_taken", False) and not item.frozen)
+                for (parameter, value, sd), bound, taken in zip(
+                    item.listed, item.at_bounds, one, strict=True
+                ):
+                    if taken:
+                        lines.append(
+                            f"    {parameter.name}: one with coefficients of {self.base.name}, "
+                            "these rows tell only their sum"
+                        )
+                        continue
                     error = f" +- {sd:.2g}" if np.isfinite(sd) else " (not fitted)"
                     at = " at its bound" if bound else ""
                     lines.append(

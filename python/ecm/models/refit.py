@@ -24,7 +24,7 @@ from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
-from ecm.models.joint_fit import FittedEffect, joint_fit
+from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
@@ -80,8 +80,6 @@ def base_and_error(model: Model, table: Table, noise: Noise) -> tuple[str, float
 _WORSE = 1.1
 _ONE_COLUMN = 0.99
 """Correlation from which a parameter and a coefficient of the base are one column."""
-_ROUNDING = 1e-6
-"""Share of its usual size up to which a parameter is the rounding of zero."""
 _SD = 3.0
 """Standard deviations of the interval of a stiffness."""
 _MOST_MOVE = 0.05
@@ -230,7 +228,7 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
     alone = [
         f"{item.id} is one with coefficients of {fitted.base.name}: these rows tell only their sum"
         for item in fitted.effects
-        if fitted.training.get("smallest_taken") and not item.frozen and _is_taken(item)
+        if fitted.training.get("smallest_taken") and not item.frozen and item.taken.all()
     ]
     of_effects = {name for name, own in fitted.params.items() if own.effect != "base"}
     reasons = [
@@ -239,12 +237,6 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
         if name in bounds and other not in of_effects and abs(r) > _ONE_COLUMN
     ]
     return alone + reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
-
-
-def _is_taken(item: FittedEffect) -> bool:
-    """Whether the base has taken all of an effect: each value and its error are only rounding."""
-    scale = np.array([parameter.scale for parameter in item.effect.parameters])
-    return bool((np.abs(item.values) + item.sd < _ROUNDING * scale).all())
 
 
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:
