@@ -521,8 +521,8 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     count, m = data.response.shape
     # An orthonormal basis in the noise of the start spares the iterations what is dependent.
     first = np.linalg.cholesky(np.tensordot(np.exp(start), data.parts, 1))
-    seen: F = np.linalg.solve(first, data.nuisance)
-    nuisance = first @ orthonormal(seen.reshape(count * m, -1)).reshape(count, m, -1)
+    whitened: F = np.linalg.solve(first, data.nuisance)
+    nuisance = first @ orthonormal(whitened.reshape(count * m, -1)).reshape(count, m, -1)
     flat = nuisance.reshape(count * m, -1)
     for _ in range(_ITERATIONS):
         parts = data.parts * np.exp(log_variance)[:, None, None, None]
