@@ -521,7 +521,7 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     count, m = data.response.shape
     # An orthonormal basis in the noise of the start spares the iterations what is dependent.
     first = np.linalg.cholesky(np.tensordot(np.exp(start), data.parts, 1))
-    whitened: F = np.linalg.solve(first, data.nuisance)
+    whitened = np.asarray(np.linalg.solve(first, data.nuisance), dtype=np.float64)
     nuisance = first @ orthonormal(whitened.reshape(count * m, -1)).reshape(count, m, -1)
     flat = nuisance.reshape(count * m, -1)
     for _ in range(_ITERATIONS):
