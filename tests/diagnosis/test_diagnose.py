@@ -15,6 +15,7 @@ import pytest
 from ecm import refit
 from ecm.comparison import compare
 from ecm.diagnosis import diagnose, find_missing
+from ecm.diagnosis.family import Family
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank
 from ecm.diagnosis.verdict import WEIGHTS, probability
@@ -116,6 +117,21 @@ def test_an_unlikely_further_effect_is_no_name(monkeypatch: pytest.MonkeyPatch) 
     one = find_missing(model(), table)
     assert one.answer == (("payload",),)
     assert probability(both) < 0.5 < probability(one)
+
+
+def test_two_unlikely_effects_that_explain_what_follows_one_driver_are_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One of them leaves too much to be a name; the driver alone would tell no form."""
+    hidden = with_effect(campaign("temperature_modulus", 1.0, 4), "thermal_expansion", [6e-4])
+    monkeypatch.setitem(WEIGHTS, "named", (3.0, 0.0, 2.0, 0.0))
+    found = find_missing(model(), hidden)
+    assert {members[0] for members in found.answer} == {"temperature_modulus", "thermal_expansion"}
+    assert probability(replace(found, fewer_tried=False)) < 0.5
+    family = replace(
+        found, verdict="family", fewer_tried=False, family=Family("", 1, (), "", (), "", 0)
+    )
+    assert probability(found) == probability(family)
 
 
 def test_structure_without_a_name_is_unknown() -> None:

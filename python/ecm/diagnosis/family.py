@@ -91,6 +91,10 @@ class Family:
     probability: float = 0.0
     """That one of the drivers is right."""
 
+    def drives(self, classes: Sequence[Sequence[str]]) -> bool:
+        """Whether each class has an effect that follows one of the drivers."""
+        return all(set(self.like).intersection(members) for members in classes)
+
     def __str__(self) -> str:
         like = f", as {' and '.join(self.like)} would" if self.like else ""
         return f"{self.driver}{like}, in a form of its own"

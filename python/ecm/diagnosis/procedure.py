@@ -71,7 +71,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict
+from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict, with_names
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -651,6 +651,12 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
             decision, chances = fallen
             accepted = decision.accepted
     family = find_family(problem, chances, accepted.classes)
+    several = decision.several
+    if several is not None and family is not None and family.drives(several.accepted.classes):
+        # Fewer imitate a part of what is missing: more that all follow its driver are its form.
+        named = _with_family(several, describe)
+        if named.answer:
+            return named
     if unknown is None or (family is not None and unknown.pattern is None):
         # All follows the driver: what imitates a part of that is no name, and takes nothing off.
         effects = accepted.effects if family is None else ()
@@ -820,15 +826,17 @@ def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None)
         problem = finer
         first, ranking = stages.gate(problem), stages.rank(problem)
         chosen = stages.search(problem, ranking)
+    several: Decision | None = None
     for _ in range(settings.most_effects):
         accepted = stages.accept(problem, chosen, seed)
         left = stages.leftover(problem, first, accepted.effects)
         found = Decision(
             prepared, problem, begun.noise_effects, first, tuple(ranking), accepted, left,
-            refinements=tried,
+            refinements=tried, several=several,
         )  # fmt: skip
         if len(accepted.effects) < 2 or left.remains or not is_unlikely(found):
             break
+        several = replace(with_names(found), fewer_tried=True)
         # The best set of fewer effects need not be a part of this one.
         fewer = replace(settings, most_effects=len(accepted.effects) - 1)
         chosen = stages.search(replace(problem, settings=fewer), ranking)

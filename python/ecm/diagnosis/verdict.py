@@ -72,6 +72,10 @@ class Decision:
     """What drives the missing effect, where its form is not known."""
     refinements: tuple[Refinement, ...] = ()
     """Richer forms of the effects that the search chose first."""
+    several: Decision | None = None
+    """With more effects, by themselves less likely than not."""
+    fewer_tried: bool = False
+    """Whether the best set of fewer effects was asked in place of these."""
 
     @property
     def answer(self) -> tuple[tuple[str, ...], ...]:
@@ -147,8 +151,7 @@ def verdict(
         return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
     if accepted.effects and not left.remains:
         if not is_unlikely(found):
-            single = all(len(members) == 1 for members in accepted.classes)
-            return replace(found, verdict="named" if single else "ambiguous")
+            return with_names(found)
         # Less likely than not: none of the effects counts.
         accepted, still = Accepted(checks=accepted.checks), gate.rejected
         found = replace(found, accepted=accepted)
@@ -157,6 +160,12 @@ def verdict(
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     return replace(found, verdict="unknown", unknown=unknown)
+
+
+def with_names(found: Decision) -> Decision:
+    """Return the decision that says what is accepted."""
+    single = all(len(members) == 1 for members in found.accepted.classes)
+    return replace(found, verdict="named" if single else "ambiguous")
 
 
 def _nothing_is_likely(found: Decision, still: bool) -> bool:
@@ -258,7 +267,7 @@ def is_unlikely(found: Decision) -> bool:
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     """Return the key in `WEIGHTS` and x of a verdict."""
-    if decision.verdict in ("named", "ambiguous"):
+    if decision.verdict in ("named", "ambiguous") and not decision.fewer_tried:
         effects, classes = decision.accepted.effects, decision.accepted.classes
         members = float(max(len(one) for one in classes))
         share = min(1.0, *_shares(decision.problem, effects))
@@ -268,7 +277,9 @@ def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     if decision.verdict == "none":
         nothing = decision.without_effects.of_nothing
         return "none", (1.0, float(np.clip(np.log(nothing / max(1.0 - nothing, 1e-9)), -5.0, 5.0)))
-    return ("unknown" if decision.family is None else "family"), (1.0,)
+    # More names in place of a family are as likely as it is: all of them follow its driver.
+    of_driver = decision.family is not None or decision.fewer_tried
+    return ("family" if of_driver else "unknown"), (1.0,)
 
 
 def probability(decision: Decision) -> float:
