@@ -19,7 +19,7 @@ from ecm.io.arrays import B, F, I, lstsq
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
-from ecm.regression.f_test import independent_factor, within_cells
+from ecm.regression.f_test import independent_factor, root_of_inverse, within_cells
 from ecm.regression.folds import repeat_cells
 from ecm.regression.noise import (
     Noise,
@@ -614,7 +614,8 @@ def unit_products(z: F) -> tuple[F, F]:
 
 def covariance_of(size: F, products: F) -> F:
     """(k, k) covariance of parameters by `unit_products` of their whitened columns."""
-    return np.asarray(np.linalg.pinv(products, hermitian=True) / np.outer(size, size))
+    root = root_of_inverse(products, len(size) * np.finfo(np.float64).eps) / size[:, None]
+    return np.asarray(root @ root.T)
 
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:

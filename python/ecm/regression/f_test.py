@@ -435,3 +435,27 @@ def independent_factor(products: F, least: float = _INDEPENDENT) -> F | None:
     except LinAlgError:
         return None
     return factor if np.diag(factor).min(initial=1.0) > least else None
+
+
+def root_of_inverse(products: F, least: float) -> F:
+    """(k, r) root R, R R' the inverse of the products (k, k) of columns, of any rank.
+
+    Parameters
+    ----------
+    least
+        Eigenvalues up to this share of the largest count as zero, where columns are dependent.
+
+    Examples
+    --------
+    >>> root = root_of_inverse(np.array([[4.0, 0.0], [0.0, 1.0]]), 1e-10)
+    >>> (root @ root.T).tolist()
+    [[0.25, 0.0], [0.0, 1.0]]
+    """
+    size = np.sqrt(np.diag(products))
+    if size.all() and len(size):  # by a Cholesky factor: far less work than the eigenvalues
+        factor = independent_factor(products / np.outer(size, size))
+        if factor is not None:
+            return np.asarray(np.triu(lapack.dtrtri(factor)[0]) / size[:, None])
+    values, vectors = np.linalg.eigh(products)
+    seen = values > least * values[-1:]
+    return np.asarray(vectors[:, seen] / np.sqrt(values[seen]))

@@ -22,13 +22,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.f_test import independent_factor, orthonormal
+from ecm.regression.f_test import orthonormal, root_of_inverse
 from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener
@@ -529,7 +528,7 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
         inverse = np.linalg.inv(parts.sum(axis=0))
         # P = V^-1 - U U', U = V^-1 X R, R R' = (X' V^-1 X)^+: V is block diagonal.
         weighted = inverse @ nuisance
-        root = _root_of_inverse(weighted.reshape(count * m, -1).T @ flat)
+        root = root_of_inverse(weighted.reshape(count * m, -1).T @ flat, 1e-10)
         own = (weighted.reshape(count * m, -1) @ root).reshape(count, m, -1)
         along = own.reshape(count * m, -1).T @ data.response.ravel()
         py = np.einsum("cij,cj->ci", inverse, data.response) - own @ along
@@ -558,17 +557,6 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
         if float(np.abs(step).max()) < 1e-3:
             break
     return np.asarray(log_variance)
-
-
-def _root_of_inverse(products: F) -> F:
-    """(k, r) root R, R R' the inverse of the products (k, k) of columns, of any rank."""
-    unit = np.sqrt(np.diag(products))
-    factor = independent_factor(products / unit / unit[:, None])
-    if factor is not None and len(factor):  # far less work than the eigenvalues
-        return np.asarray(np.triu(dtrtri(factor)[0]) / unit[:, None])
-    values, vectors = np.linalg.eigh(products)
-    seen = values > 1e-10 * values[-1:]
-    return np.asarray(vectors[:, seen] / np.sqrt(values[seen]))
 
 
 def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
