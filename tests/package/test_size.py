@@ -9,15 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_111, 200),
+    "python/ecm": (44_245, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_397, 238),
+    "tests": (35_560, 238),
     "crates": (34_565, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-columns that set the damping (26 lines in Python), a modulus along a curve (20), a reading that must
-leave less of the wrench itself (10), rows that do not keep themselves (8), and a test of each."""
+logs of hexapods, trackers and stages (38 lines in Python), energies of chambers beside three forces
+(29), errors beside a richer base by one projection (14), several effects of one driver (18), names
+against equal chambers (14), loads scaled to the body (10), and a test of each."""
 
 
 @pytest.mark.parametrize("part", PARTS)
