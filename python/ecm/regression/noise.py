@@ -27,7 +27,6 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.regression.f_test import orthonormal, root_of_inverse
 from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener
@@ -518,17 +517,18 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     """Fisher scoring of the restricted likelihood in log variances, with a normal prior."""
     log_variance, last, longest = start.copy(), np.zeros(len(start)), 1.0
     count, m = data.response.shape
-    # An orthonormal basis in the noise of the start spares the iterations what is dependent.
-    first = np.linalg.cholesky(np.tensordot(np.exp(start), data.parts, 1))
-    whitened = np.asarray(np.linalg.solve(first, data.nuisance), dtype=np.float64)
-    nuisance = first @ orthonormal(whitened.reshape(count * m, -1)).reshape(count, m, -1)
-    flat = nuisance.reshape(count * m, -1)
+    flat = data.nuisance.reshape(count * m, -1)
+    norms = np.sqrt((flat**2).sum(axis=0))
+    flat = flat[:, norms > 0.0] / norms[norms > 0.0]
+    nuisance = flat.reshape(count, m, -1)
     for _ in range(_ITERATIONS):
         parts = data.parts * np.exp(log_variance)[:, None, None, None]
         inverse = np.linalg.inv(parts.sum(axis=0))
         # P = V^-1 - U U', U = V^-1 X R, R R' = (X' V^-1 X)^+: V is block diagonal.
         weighted = inverse @ nuisance
-        root = root_of_inverse(weighted.reshape(count * m, -1).T @ flat, 1e-10)
+        values, vectors = np.linalg.eigh(weighted.reshape(count * m, -1).T @ flat)
+        free = values > 1e-10 * values[-1:]
+        root = vectors[:, free] / np.sqrt(values[free])
         own = (weighted.reshape(count * m, -1) @ root).reshape(count, m, -1)
         along = own.reshape(count * m, -1).T @ data.response.ravel()
         py = np.einsum("cij,cj->ci", inverse, data.response) - own @ along
