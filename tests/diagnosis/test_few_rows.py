@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose, find_missing, procedure
-from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.left_over import residual_after
+from ecm.diagnosis.problem import Projection, assemble
 from ecm.diagnosis.search import delta_chi2, held_out_squares, held_out_t, rank
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import (
@@ -33,8 +34,9 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model, fit, fit_model
 from ecm.models.energy import Symmetry
 from ecm.models.fit import choose_base
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import base_columns, joint_fit
 from ecm.models.maps import EnergyTerms, StiffnessMap
+from ecm.models.polynomial import PolynomialModel
 from ecm.regression.noise import Noise
 from support.campaigns import INSTRUMENT, NOISE, campaign, model, workspace_poses
 from support.stand_in import L, wrench
@@ -411,6 +413,22 @@ def test_a_degree_of_nearly_as_many_coefficients_as_readings_hides_nothing() -> 
     found = find_missing(fit_model(table, "cubic", force=True), table)
     assert found.verdict == "unknown"
     assert found.problem.base.name == "poly:3"
+
+
+def test_what_a_richer_base_leaves_is_what_a_fit_of_it_leaves() -> None:
+    """The columns of the plainer base are rounding there, and take nothing off."""
+    random = np.random.default_rng(0)
+    x = random.uniform(-0.01, 0.01, (60, 3))
+    force = 400.0 * x + 3e6 * x**3 + 0.05 * random.standard_normal((60, 3))
+    names = "x_m", "y_m", "z_m", "fx_N", "fy_N", "fz_N"
+    table = as_table(dict(zip(names, np.column_stack([x, force]).T, strict=True)))
+    problem = assemble(fit.fit_base(table, PolynomialModel(1)), table, ())
+    richer = fit.fit_base(table, PolynomialModel(3))
+    block = problem.whitener @ base_columns(problem.rows, richer)
+    projection = Projection.of(block, np.sqrt(problem.weights))
+    left = problem.squares_of(residual_after(problem, (), projection))
+    fitted = problem.squares_of(problem.fit_with((), richer).whitened)
+    assert left == pytest.approx(fitted, rel=1e-6)
 
 
 def test_a_name_that_is_less_likely_than_not_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_246, 200),
+    "python/ecm": (44_241, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_560, 238),
+    "tests": (35_575, 238),
     "crates": (34_565, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
 logs of hexapods, trackers and stages (38 lines in Python), energies of chambers beside three forces
-(29), errors beside a richer base by one projection (14), several effects of one driver (18), names
+(29), errors beside a richer base by one projection (9), several effects of one driver (18), names
 against equal chambers (14), loads scaled to the body (10), and a test of each."""
 
 

@@ -24,7 +24,7 @@ from ecm.comparison.residuals import (
     features,
 )
 from ecm.comparison.structure import LEAST_STRENGTH
-from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem, omnibus_columns
+from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem, Projection, omnibus_columns
 from ecm.diagnosis.search import (
     ONE_CAUSE_SHARE,
     Estimate,
@@ -126,7 +126,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     """
     settings = problem.settings
     fit = bounded_estimate(problem, effects, effects)
-    response, fitted = at_bounds(problem, fit)
+    response, fitted = _at_bounds(problem, fit)
     total = np.concatenate([problem.projected_base, fitted], axis=2)
     # Not by random signs as at the gate: in few rows they hide what no library holds (a ripple of
     # three times the noise became `none`), for one weak effect in fifty.
@@ -155,14 +155,18 @@ def _least_strength(problem: Problem) -> float:
     return max(LEAST_STRENGTH, 1.5 * problem.base_error)
 
 
-def residual_after(problem: Problem, effects: Sequence[Candidate]) -> F:
-    """Return the (N, m) whitened residual after base and effects."""
-    response, fitted = at_bounds(problem, bounded_estimate(problem, effects, effects))
+def residual_after(
+    problem: Problem, effects: Sequence[Candidate], base: Projection | None = None
+) -> F:
+    """Return the (N, m) whitened residual after base and effects, or another base that holds it."""
+    response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
+    if base is not None:
+        response, fitted = base.rest(response[:, :, None])[:, :, 0], base.orthogonalised(fitted)
     theta = lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)
     return np.asarray(response - fitted @ theta)
 
 
-def at_bounds(problem: Problem, fit: Estimate) -> tuple[F, F]:
+def _at_bounds(problem: Problem, fit: Estimate) -> tuple[F, F]:
     """Return the response without the parameters at a bound, and the columns of the others.
 
     A parameter that would explain more beyond its bound stays at the bound: what it would explain

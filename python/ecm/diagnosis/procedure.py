@@ -33,7 +33,6 @@ from ecm.diagnosis.left_over import (
     Leftover,
     Pattern,
     Unknown,
-    at_bounds,
     describe_residual,
     find_pattern,
     gate,
@@ -53,7 +52,6 @@ from ecm.diagnosis.problem import (
 from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import (
     Ranked,
-    bounded_estimate,
     delta_chi2,
     held_out_rms,
     kind_of,
@@ -75,7 +73,7 @@ from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict, w
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
-from ecm.io.arrays import F, rest_of
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedMap
@@ -219,8 +217,7 @@ def _error_after(
     problem: Problem, effects: Sequence[Candidate], weighed: Problem | None = None
 ) -> float:
     """Return the error after the base and these effects, over the noise of this or another base."""
-    whitened = residual_after(problem, effects)[:, :, None]
-    residual = problem.whitener.back(whitened)[:, :, 0]
+    residual = _back(problem, residual_after(problem, effects))
     return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
 
 
@@ -244,12 +241,13 @@ def _errors_beside(
     block = problem.whitener @ base_columns(Rows(problem.table, base).quieted, base)
     projection = Projection.of(block, np.sqrt(problem.weights))
     for effects in sets:
-        parts = at_bounds(problem, bounded_estimate(problem, effects, effects))
-        y, z = (projection.rest(part) for part in (parts[0][:, :, None], parts[1]))
-        left = rest_of(projection.flat(z), projection.flat(y)).reshape(y.shape)
-        safe = np.where(projection.root > 0.0, projection.root, 1.0)
-        residual = problem.whitener.back(left / safe[:, None, None])[:, :, 0]
+        residual = _back(problem, residual_after(problem, effects, projection))
         yield _error(problem, residual, len(base.coefficients), effects)
+
+
+def _back(problem: Problem, whitened: F) -> F:
+    """Return the residual (N, m) in its units of a whitened one."""
+    return problem.whitener.back(whitened[:, :, None])[:, :, 0]
 
 
 def _error(

@@ -614,8 +614,10 @@ def unit_products(z: F) -> tuple[F, F]:
 
 def covariance_of(size: F, products: F) -> F:
     """(k, k) covariance of parameters by `unit_products` of their whitened columns."""
-    root = root_of_inverse(products, len(size) * np.finfo(np.float64).eps) / size[:, None]
-    return np.asarray(root @ root.T)
+    factor = independent_factor(products)  # far less work than the eigenvalues
+    zero = len(size) * np.finfo(np.float64).eps
+    root = root_of_inverse(products, zero) if factor is None else np.asarray(np.linalg.inv(factor))
+    return np.asarray(root @ root.T / np.outer(size, size))
 
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:

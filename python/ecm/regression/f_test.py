@@ -443,7 +443,7 @@ def root_of_inverse(products: F, least: float) -> F:
     Parameters
     ----------
     least
-        Eigenvalues up to this share of the largest count as zero, where columns are dependent.
+        Eigenvalues up to this share of the largest count as zero.
 
     Examples
     --------
@@ -451,11 +451,6 @@ def root_of_inverse(products: F, least: float) -> F:
     >>> (root @ root.T).tolist()
     [[0.25, 0.0], [0.0, 1.0]]
     """
-    size = np.sqrt(np.diag(products))
-    if size.all() and len(size):  # by a Cholesky factor: far less work than the eigenvalues
-        factor = independent_factor(products / np.outer(size, size))
-        if factor is not None:
-            return np.asarray(np.triu(lapack.dtrtri(factor)[0]) / size[:, None])
     values, vectors = np.linalg.eigh(products)
     seen = values > least * values[-1:]
     return np.asarray(vectors[:, seen] / np.sqrt(values[seen]))

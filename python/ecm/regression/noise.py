@@ -27,6 +27,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F, I, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
+from ecm.regression.f_test import root_of_inverse
 from ecm.regression.folds import repeat_contrasts
 from ecm.regression.rows import Rows, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener
@@ -526,9 +527,7 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
         inverse = np.linalg.inv(parts.sum(axis=0))
         # P = V^-1 - U U', U = V^-1 X R, R R' = (X' V^-1 X)^+: V is block diagonal.
         weighted = inverse @ nuisance
-        values, vectors = np.linalg.eigh(weighted.reshape(count * m, -1).T @ flat)
-        free = values > 1e-10 * values[-1:]
-        root = vectors[:, free] / np.sqrt(values[free])
+        root = root_of_inverse(weighted.reshape(count * m, -1).T @ flat, 1e-10)
         own = (weighted.reshape(count * m, -1) @ root).reshape(count, m, -1)
         along = own.reshape(count * m, -1).T @ data.response.ravel()
         py = np.einsum("cij,cj->ci", inverse, data.response) - own @ along
