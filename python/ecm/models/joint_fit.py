@@ -226,27 +226,26 @@ def joint_fit(
     """
     kept = kept or {}
     fitted = tuple(e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects)
-    at = _At(base, fitted, 0 if freeze_base else len(base.coefficients))
     # In slow noise changes count alone, of which the noise of the poses would be the most.
     rows = Rows(table, base, dict(kept), quiet=noise.slow is not None and table.continuous)
     root = None if row_weights is None else np.sqrt(row_weights)
     whitener = noise.whitener(rows, base.error)
     priors = [] if prior is None else [prior]
-    if base.prior is not None and at.free_base:
+    if base.prior is not None and not freeze_base:
         mean, sd = base.prior
         priors.append(CoefficientPrior(mean, np.diag(1.0 / sd)[np.isfinite(sd)], "stated"))
     data = _Data(table.matrix(base.outputs), whitener, root, priors, kept)
-    here = data.linearised(at, rows)
+    at = _At(data, rows, base, fitted, 0 if freeze_base else len(base.coefficients))
+    here = at.linearised()
     converged, iteration = False, 0
     while iteration < _MAX_ITERATIONS and not converged:
         iteration += 1
         step = at.step(here)
         change = float(np.linalg.norm(here.flat @ step))
-        converged = change < _TOLERANCE * np.sqrt(max(1, here.residual.size))
-        squares, rows = here.squares, here.rows
+        converged = change < _TOLERANCE * np.sqrt(max(1, at.residual.size))
         del here  # its columns are most of the memory
-        at, here = data.stepped(at, step, rows, squares)
-    rows, residual, z = here.rows, here.residual, here.columns
+        at, here = at.stepped(step)
+    rows, residual, z = at.rows, at.residual, here.columns
     size, products = unit_products(here.flat)
     least = at.least_effects(size, products)
     y = whitener @ residual
@@ -275,26 +274,6 @@ def joint_fit(
 
 
 @dataclass(frozen=True)
-class _Here:
-    """What a fit leaves at one place, and how that changes."""
-
-    rows: Rows
-    residual: F
-    """(N, m)."""
-    columns: F
-    """(N, m, k) whitened."""
-    flat: F
-    """(r, k) these by the weights of their rows, and the rows of the priors."""
-    response: F
-    """(r,)."""
-
-    @property
-    def squares(self) -> float:
-        with np.errstate(over="ignore", invalid="ignore"):
-            return float(self.response @ self.response)
-
-
-@dataclass(frozen=True)
 class _Data:
     """What a fit is fitted to."""
 
@@ -305,88 +284,17 @@ class _Data:
     priors: list[CoefficientPrior]
     kept: Mapping[str, Any]
 
-    def linearised(self, at: _At, rows: Rows) -> _Here:
-        """What is left there, and its columns."""
-        return self._with_columns(at, rows, *at.residual(rows, self.measured))
-
-    def _with_columns(self, at: _At, rows: Rows, residual: F, known: Sequence[F | None]) -> _Here:
-        columns = self.whitener @ at.columns(rows, known)
-        z = columns if self.root is None else columns * self.root[:, None, None]
-        # The shape is given, so that it holds for zero columns as well.
-        flat, response = _with_priors(
-            z.reshape(residual.size, z.shape[2]), self._weighted(residual), at.base, self.priors
-        )
-        return _Here(rows, residual, columns, flat, response)
-
-    def _weighted(self, residual: F) -> F:
-        """(N m,) whitened residual by the weights of the rows."""
-        y = self.whitener @ residual
-        return np.ravel(y if self.root is None else y * self.root[:, None])
-
-    def stepped(self, at: _At, step: F, rows: Rows, squares: float) -> tuple[_At, _Here]:
-        """The fit after a step, or after the largest part of it that leaves no more squares.
-
-        Where every part leaves more it is the largest that can be evaluated: steps of a fit may
-        rise before they fall. So may a whole step of which a part falls: it and the next one are
-        taken where they leave less. What acts in proportion to the base is a product with it; parts
-        of steps crawl along its valley, and two whole ones cross it.
-        """
-        # So far from the rows that numbers overflow, nothing can be evaluated.
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for place in self._places(at, step, rows, squares):
-                # The columns, which are most of the work, only where the step ends.
-                with suppress(ModelError):
-                    return place.at, self._at_place(place)
-        raise ModelError(_RAN_AWAY)
-
-    def _at_place(self, place: _Place) -> _Here:
-        return self._with_columns(place.at, place.rows, place.residual, place.known)
-
-    def _places(self, at: _At, step: F, rows: Rows, squares: float) -> Iterator[_Place]:
-        """Where a step may end, the best first."""
-        parts = (self._place(at, part * step, rows) for part in _PARTS)
-        worse: list[_Place] = []
-        for place in filter(None, parts):
-            if place.squares > _NO_WORSE * squares:
-                worse.append(place)
-                continue
-            if worse and (two := self._after_next(worse[0])) and two.squares < place.squares:
-                yield two
-            yield place
-        yield from worse
-
-    def _after_next(self, place: _Place) -> _Place | None:
-        """Where the whole next step leads; None where it cannot be evaluated."""
-        try:
-            step = place.at.step(self._at_place(place))
-        except ModelError:
-            return None
-        return self._place(place.at, step, place.rows)
-
-    def _place(self, at: _At, step: F, rows: Rows) -> _Place | None:
-        """Where a step leads; None where it cannot be evaluated."""
-        moved, around = at.moved(step), rows
-        if at.free_base:
-            around = rows.under(moved.base, dict(self.kept))
-        try:
-            residual, known = moved.residual(around, self.measured)
-        except ModelError:
-            return None
-        nothing = np.zeros((0, len(at.values)))
-        y = _with_priors(nothing, self._weighted(residual), moved.base, self.priors)[1]
-        squares = float(y @ y)
-        return _Place(moved, around, residual, known, squares) if np.isfinite(squares) else None
-
 
 @dataclass(frozen=True)
-class _Place:
-    """Where a step leads, and what is left there."""
+class _Linearised:
+    """How what a fit leaves changes with its parameters, at one place."""
 
-    at: _At
-    rows: Rows
-    residual: F
-    known: list[F | None]
-    squares: float
+    columns: F
+    """(N, m, k) whitened."""
+    flat: F
+    """(r, k) these by the weights of their rows, and the rows of the priors."""
+    response: F
+    """(r,)."""
 
 
 def _each(
@@ -409,10 +317,12 @@ def _moved_by(item: FittedEffect, step: F) -> FittedEffect:
     return replace(item, values=item.values + step)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _At:
     """Where a fit stands; the free parameters are those of the base, then of the free effects."""
 
+    data: _Data
+    rows: Rows
     base: StiffnessMap
     effects: tuple[FittedEffect, ...]
     free_base: int
@@ -438,37 +348,105 @@ class _At:
         lower = np.concatenate([limits[0], [p.lower for p in own]])
         return lower, np.concatenate([limits[1], [p.upper for p in own]])
 
-    def moved(self, step: F) -> _At:
-        """The free parameters changed by a step (k,)."""
-        base = self.base
-        if self.free_base:
-            base = base.with_coefficients(base.coefficients + step[: self.free_base])
-        effects = _each(self.effects, step[self.free_base :], _moved_by)
-        return _At(base, effects, self.free_base)
-
-    def residual(self, rows: Rows, measured: F) -> tuple[F, list[F | None]]:
+    @cached_property
+    def _left(self) -> tuple[F, list[F | None]]:
         """(N, m) residual, and the columns of each effect that it followed from."""
-        prediction, known = rows.measured.sensor_load.copy(), []
+        prediction, known = self.rows.measured.sensor_load.copy(), []
         for item in self.effects:
-            columns = None if item.frozen else linear_columns(item.effect, rows)
+            columns = None if item.frozen else linear_columns(item.effect, self.rows)
             if columns is None:
-                prediction += correction_of(item.effect, rows, item.values)
+                prediction += correction_of(item.effect, self.rows, item.values)
             else:
                 prediction += columns @ item.values
             known.append(columns)
-        return measured - prediction, known
+        return self.data.measured - prediction, known
 
-    def columns(self, rows: Rows, known: Sequence[F | None]) -> F:
-        """(N, m, k) derivative of the prediction; columns of effects that are known are taken."""
-        blocks = [base_columns(rows, self.base)] if self.free_base else []
-        for item, own in zip(self.effects, known, strict=True):
+    @property
+    def residual(self) -> F:
+        """(N, m)."""
+        return self._left[0]
+
+    @cached_property
+    def squares(self) -> float:
+        """Sum of the whitened squares that are left."""
+        y = self._with_priors(np.zeros((0, len(self.values))))[1]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(y @ y)
+
+    def linearised(self) -> _Linearised:
+        """The columns of what is left, which are most of the work and of the memory."""
+        columns = self.data.whitener @ self._columns()
+        root = self.data.root
+        z = columns if root is None else columns * root[:, None, None]
+        # The shape is given, so that it holds for zero columns as well.
+        flat, response = self._with_priors(z.reshape(self.residual.size, z.shape[2]))
+        return _Linearised(columns, flat, response)
+
+    def _columns(self) -> F:
+        """(N, m, k) derivative of the prediction; those of effects that are known are taken."""
+        rows, blocks = self.rows, [base_columns(self.rows, self.base)] if self.free_base else []
+        for item, own in zip(self.effects, self._left[1], strict=True):
             if not item.frozen:
                 blocks.append(jacobian_of(item.effect, rows, item.values) if own is None else own)
         if not blocks:
             blocks = [np.zeros((len(rows), len(self.base.outputs), 0))]
         return np.concatenate(blocks, axis=2)
 
-    def step(self, here: _Here) -> F:
+    def _with_priors(self, design: F) -> tuple[F, F]:
+        """Whitened columns (M, k) and the whitened residual, those of the priors below them."""
+        y, root = self.data.whitener @ self.residual, self.data.root
+        own = np.ravel(y if root is None else y * root[:, None])
+        return _with_priors(design, own, self.base, self.data.priors)
+
+    def stepped(self, step: F) -> tuple[_At, _Linearised]:
+        """The fit after a step, or after the largest part of it that leaves no more squares.
+
+        Where every part leaves more it is the largest that can be evaluated: steps of a fit may
+        rise before they fall. So may a whole step of which a part falls: it and the next one are
+        taken where they leave less. What acts in proportion to the base is a product with it; parts
+        of steps crawl along its valley, and two whole ones cross it.
+        """
+        # So far from the rows that numbers overflow, nothing can be evaluated.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for place in self._places(step):
+                # The columns, which are most of the work, only where the step ends.
+                with suppress(ModelError):
+                    return place, place.linearised()
+        raise ModelError(_RAN_AWAY)
+
+    def _places(self, step: F) -> Iterator[_At]:
+        """Where a step may end, the best first."""
+        worse: list[_At] = []
+        for place in filter(None, (self._moved(part * step) for part in _PARTS)):
+            if place.squares > _NO_WORSE * self.squares:
+                worse.append(place)
+                continue
+            if worse and (two := worse[0]._after_next()) and two.squares < place.squares:
+                yield two
+            yield place
+        yield from worse
+
+    def _after_next(self) -> _At | None:
+        """Where the whole next step leads; None where it cannot be evaluated."""
+        try:
+            return self._moved(self.step(self.linearised()))
+        except ModelError:
+            return None
+
+    def _moved(self, step: F) -> _At | None:
+        """Where a step (k,) of the free parameters leads; None where it cannot be evaluated."""
+        base, rows = self.base, self.rows
+        if self.free_base:
+            base = base.with_coefficients(base.coefficients + step[: self.free_base])
+            rows = rows.under(base, dict(self.data.kept))
+        effects = _each(self.effects, step[self.free_base :], _moved_by)
+        moved = replace(self, base=base, rows=rows, effects=effects)
+        try:
+            return moved if np.isfinite(moved.squares) else None
+        except ModelError:
+            return None
+
+    def step(self, here: _Linearised) -> F:
         """The step to the least squares of the linearised fit, within the bounds."""
         size, products = unit_products(here.flat)
         step = self.bounded_step(here.flat, here.response, size, products)
