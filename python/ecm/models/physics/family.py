@@ -55,14 +55,6 @@ _LAYOUT = record(_FAMILY, {"shifts": array(3)}, others=True)
 """What a family holds in a model file and in the cache."""
 
 
-def scaled_energy(
-    degree: int, symmetry: Symmetry, scale: F, coefficients: F, length_m: float
-) -> EnergyMap:
-    """The energy with coefficients (k,) in J of terms in c/L and theta over their `scale` (2,)."""
-    terms = EnergyTerms(length_m, degree, symmetry)
-    return terms.map(np.array([scale[0] * length_m, scale[1]]), coefficients)
-
-
 def compressibility(poisson_ratio: float) -> float:
     """s = mu/kappa."""
     return 1.5 * (1.0 - 2.0 * poisson_ratio) / (1.0 + poisson_ratio)
@@ -73,6 +65,11 @@ def poisson_ratio(compressibility: float) -> float:
     return (3.0 - 2.0 * compressibility) / (2.0 * (3.0 + compressibility))
 
 
+def _shear_modulus_Pa(values: Mapping[str, float]) -> float:
+    """mu of E and nu."""
+    return values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
+
+
 def check_parameters(names: Iterable[str]) -> None:
     """Raise InputError for a name that is no parameter of a body."""
     for name in names:
@@ -81,13 +78,24 @@ def check_parameters(names: Iterable[str]) -> None:
 
 
 @dataclass(frozen=True)
-class PhysicsFamily:
-    """All energies of one shape; see the head of this file."""
+class _OfAnySize:
+    """Terms of an energy u of c/L and theta, which bodies of one shape share."""
 
     degree: int
     symmetry: Symmetry
     scale: F
     """(2,) scales of c/L and of theta."""
+
+    def _map(self, coefficients: F, length_m: float) -> EnergyMap:
+        """The energy of a body of this length; coefficients (k,) in J."""
+        terms = EnergyTerms(length_m, self.degree, self.symmetry)
+        return terms.map(np.array([self.scale[0] * length_m, self.scale[1]]), coefficients)
+
+
+@dataclass(frozen=True)
+class PhysicsFamily(_OfAnySize):
+    """All energies of one shape; see the head of this file."""
+
     table: F
     """(3, 3, k) coefficients of u's terms by powers of t and of x."""
     centre: tuple[float, float]
@@ -169,19 +177,17 @@ class PhysicsFamily:
 
     def own_error(self, values: Mapping[str, float], *, diameter: bool = False) -> F:
         """(6,) N, N m: rms error against FEM, with D/L as built, or also off it."""
-        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
-        length = values["length_m"]
-        return np.asarray(self.error[int(diameter)] * mu * length ** np.repeat([2.0, 3.0], 3))
+        error = self.error[int(diameter)] * _shear_modulus_Pa(values)
+        return np.asarray(error * values["length_m"] ** np.repeat([2.0, 3.0], 3))
 
     def _energy(self, values: Mapping[str, float]) -> tuple[F, F, F]:
         """Coefficients (k,) in J, and their derivatives by s and by x at fixed mu and L."""
-        nu, length = values["poisson_ratio"], values["length_m"]
-        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + nu))
-        t = (compressibility(nu) - self.centre[0]) / self.width
+        length = values["length_m"]
+        t = (compressibility(values["poisson_ratio"]) - self.centre[0]) / self.width
         x = float(np.log(values["diameter_m"] / length / self.centre[1]))
         in_t, slope_t = np.array([1.0, t, t * t]), np.array([0.0, 1.0, 2.0 * t])
         in_x, slope_x = np.array([1.0, x, x * x]), np.array([0.0, 1.0, 2.0 * x])
-        unit = mu * length**3 * float(np.exp(POWER * x))
+        unit = _shear_modulus_Pa(values) * length**3 * float(np.exp(POWER * x))
         table = self.table
 
         def sum_of(a: F, b: F) -> F:
@@ -201,9 +207,6 @@ class PhysicsFamily:
                 slope[rows[lower]] += row[0] * energy[i]
         return slope
 
-    def _map(self, coefficients: F, length_m: float) -> EnergyMap:
-        return scaled_energy(self.degree, self.symmetry, self.scale, coefficients, length_m)
-
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
         """Return the family that `plain` described; InputError where it is spoilt."""
@@ -218,22 +221,16 @@ LAYOUT = record(_ENERGY | {"coefficients": array(None)})
 
 
 @dataclass(frozen=True)
-class MeshDifference:
+class MeshDifference(_OfAnySize):
     """Energy of the standard mesh of a shape less that of its fine mesh."""
 
-    degree: int
-    symmetry: Symmetry
-    scale: F
-    """(2,) scales of c/L and of theta."""
     coefficients: F
     """(k,) of u."""
 
     def at(self, values: Mapping[str, float]) -> EnergyMap:
         """The energy of a body with these parameters (`PARAMETERS`)."""
-        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
         length = values["length_m"]
-        in_joules = mu * length**3 * self.coefficients
-        return scaled_energy(self.degree, self.symmetry, self.scale, in_joules, length)
+        return self._map(_shear_modulus_Pa(values) * length**3 * self.coefficients, length)
 
     def shares(self, values: Mapping[str, float], body: EnergyMap) -> F:
         """(6,) by how much each wrench component of a small load errs, over the component.
