@@ -61,6 +61,8 @@ _OF_THE_RIG = {
     "payload": "a weight at the sensor: where the robot carries it, it belongs to the robot's mass"
 }
 """Why an effect of the measurement that is no error of it is left out."""
+_OUTSIDE = {"inertia": "the mass of what moves: it belongs to the robot's dynamics"}
+"""Why an effect of the mechanism belongs to no step."""
 OF_INPUTS = dict.fromkeys(
     (effect.id for effect in ACTUATED),
     "the inputs of files are those that act, and docs/effects/actuation.md says how they follow "
@@ -156,17 +158,17 @@ class TimeEffects:
             said.append(f"Left out: {listed}.")
         if self.lost:
             said.append(
-                f"What the files lack: {'; '.join(self.lost_sentences())}. A model fitted without "
-                "it may be nearer: ecm refit --remove, and compare."
+                f"What the files lack: {'; '.join(self.lost_sentences().values())}. A model fitted "
+                "without it may be nearer: ecm refit --remove, and compare."
             )
         return (*said, *self.warnings)
 
-    def lost_sentences(self) -> tuple[str, ...]:
-        """Each effect that is lost: its size, and why."""
-        return tuple(
-            f"{id} is {size} (rms) and left out ({self.left_out[id]})"
+    def lost_sentences(self) -> dict[str, str]:
+        """Size and reason of each effect that is lost, by id."""
+        return {
+            id: f"{id} is {size} (rms) and left out ({self.left_out[id]})"
             for id, size in self.lost.items()
-        )
+        }
 
 
 def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = False) -> TimeEffects:
@@ -216,16 +218,19 @@ def _placed(found: TimeEffects, model: EvaluatedModel, item: FittedEffect, to: s
         return OF_INPUTS.get(item.id, "files with actuators have no state")
     if to == "none":
         return "these files have no state and no temperature"
-    why = _without_steps(model, item.id) or _add(found, model, item.effect, item.values)
+    why = _without_steps(model, item.id)
+    why = why or _MAKERS[item.id](found, model, item.effect, item.values)
     found.acting += [] if why else [item.id]
     return why
 
 
 def _without_steps(model: EvaluatedModel, id: str) -> str:
-    """Why the base of a model has no steps of an effect; empty where it has."""
+    """Why there are no steps of an effect on the base of a model; empty where there are."""
     kind = model.base.document().get("kind")
     if is_whole(model.base):
-        return "" if kind in _ENERGIES else NEEDS_ENERGY
+        if kind not in _ENERGIES:
+            return NEEDS_ENERGY
+        return "" if id in _MAKERS else _OUTSIDE.get(id, "it has no exact step")
     if id not in _BY_COLUMNS:
         return _NOT_BY_COLUMNS
     return "" if kind == "polynomial" else NEEDS_POLYNOMIAL
@@ -266,15 +271,6 @@ def _of_pairs(of: str, values: F) -> F:
     for (name, other, sign), value in zip(listed_pairs(of), values, strict=True):
         matrix[WRENCH.index(other), POSE.index(name)] = sign * value
     return matrix
-
-
-def _add(found: TimeEffects, model: EvaluatedModel, effect: Any, values: F) -> str:
-    """Add the constants of one effect, or say why it has no step."""
-    if effect.id in _MAKERS:
-        return _MAKERS[effect.id](found, model, effect, values)
-    if effect.id == "inertia":
-        return "the mass of what moves: it belongs to the robot's dynamics"
-    return "it has no exact step"
 
 
 def _along(model: EvaluatedModel) -> F:
@@ -509,10 +505,8 @@ _MAKERS: dict[str, Callable[[TimeEffects, EvaluatedModel, Any, F], str]] = {
 _WITH_A_MEMORY = {
     "stress_relaxation", "hysteresis", "viscous_damping", "mullins_softening", "permanent_set"
 }  # fmt: skip
-_BY_COLUMNS = (
-    "stress_relaxation", "hysteresis", "temperature_modulus", "thermal_expansion", "ageing",
-    "mullins_softening", "viscous_damping",
-)  # fmt: skip
+_BY_COLUMNS = _MAKERS.keys() - {"permanent_set"}
+"""Effects that step with fewer than all six columns as well."""
 _NOT_BY_COLUMNS = (
     "with fewer than all six columns it has no step; ecm predict has it for a whole table"
 )

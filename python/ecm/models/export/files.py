@@ -295,7 +295,6 @@ def export_files(
         )
     _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
     timed = time_effects(model, chosen.language, recorded=chosen.recorded)
-    lost = dict(zip(timed.lost, timed.lost_sentences(), strict=True))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
         given,
@@ -303,7 +302,7 @@ def export_files(
         left_out=tuple(timed.left_out),
         folding=folding,
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),
-        lost=lost,
+        lost=timed.lost_sentences(),
     )
 
 
