@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -93,18 +93,14 @@ class FunctionMap(ParametrisedMap):
 
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative to the parameters that vary, by central differences."""
-        at, made = self.coefficients, np.zeros((len(poses), len(self.outputs), 0))
-        lower, upper = self.bounds
-        for j, value in enumerate(at):
-            step = 1e-6 * max(abs(value), 1e-3 * min(upper[j] - lower[j], 1.0))
-            ends = []
-            for moved in (min(value + step, upper[j]), max(value - step, lower[j])):
-                other = at.copy()
-                other[j] = moved
-                ends.append((moved, self.with_coefficients(other).raw(poses)))
-            (high, above), (low, below) = ends
-            made = np.concatenate([made, ((above - below) / (high - low))[:, :, None]], axis=2)
-        return made
+        slopes = np.zeros((len(poses), len(self.outputs), len(self.parameter_names)))
+        for j, name in enumerate(self.parameter_names):
+            value, own = self.values[name], self.parameters[name]
+            step = 1e-6 * max(abs(value), 1e-3 * min(own.max - own.min, 1.0))
+            ends = min(value + step, own.max), max(value - step, own.min)
+            above, below = (replace(self, values={**self.values, name: x}).raw(poses) for x in ends)
+            slopes[:, :, j] = (above - below) / (ends[0] - ends[1])
+        return slopes
 
     def document(self) -> dict[str, Any]:
         """Raise InputError: a model file holds numbers and equations, no code."""
