@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from ecm.models.partial import MeasuredMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
-from ecm.models.selection import Told, cross_validate
+from ecm.models.selection import CrossValidation, Told, cross_validate
 from ecm.regression.folds import CHOSEN, split_words
 from ecm.regression.rows import inputs_of
 
@@ -168,9 +170,10 @@ def _held_out(
         return None if folds is None else {"folds": folds, "sentences": _told(how, folds)}
     if _single(model):
         return None
+    halves = partial(cross_validate, table, model, folds=2, fitted=base)
     try:
-        own = _shares_of_halves(table, model, True, seed, base, progress)
-        random = _shares_of_halves(table, model, False, seed, base, progress)
+        own = _median_shares(partial(halves, grouped=True), seed, progress)
+        random = _median_shares(partial(halves, grouped=False), seed, progress)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -184,21 +187,15 @@ def _held_out(
     return {"by_group": own, "by_random_rows": random, "sentences": sentences}
 
 
-def _shares_of_halves(
-    table: Table,
-    model: ModelSpecification,
-    grouped: bool,
-    seed: int,
-    base: StiffnessMap,
-    progress: Told,
+def _median_shares(
+    halves: Callable[..., CrossValidation], seed: int, progress: Told
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over divisions."""
     results = []
     for i in range(_HALVINGS):
         if progress is not None:
             progress(i, _HALVINGS)
-        halves = cross_validate(table, model, folds=2, grouped=grouped, seed=seed + i, fitted=base)
-        results.append(halves.shares)
+        results.append(halves(seed=seed + i).shares)
     return {column: float(np.median([own[column] for own in results])) for column in results[0]}
 
 
