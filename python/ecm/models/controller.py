@@ -194,10 +194,20 @@ class WeakDirection:
         return f"{' with '.join(parts)}: {100 * self.share:.0f} % of what was open at the start"
 
 
-class _Kept:
-    """Copies and pickles compiled steps by the plain numbers of their state."""
+class _Steps:
+    """Compiled steps of a model; copies and pickles hold the plain numbers of their state."""
 
     _code: Any
+
+    def __init__(self, document: str, effects: TimeEffects) -> None:
+        self._document = document
+        self._reference = float(effects.document.get("reference_degc", 0.0))
+        self.effects = effects
+        """What acts, what is left out, and why."""
+        self._code = self._compiled()
+
+    def _temperature(self, given: float | None) -> float:
+        return self._reference if given is None else given
 
     def _compiled(self) -> Any:
         """The compiled code, at its start."""
@@ -213,7 +223,7 @@ class _Kept:
             self._code.state = kept["_code"]
 
 
-class Adapter(_Kept):
+class Adapter(_Steps):
     """A fitted model whose parameters follow measured wrenches; `Controller.adapt` makes one.
 
     A filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's zero,
@@ -237,12 +247,10 @@ class Adapter(_Kept):
     _code: _native.Adapter
 
     def __init__(self, document: str, effects: TimeEffects, settings: AdaptSettings) -> None:
-        self._document, self._effects = document, effects
-        self._reference = float(effects.document.get("reference_degc", 0.0))
         self._chosen = [NAMES.index(name) for name in settings.names]
         self.settings = settings
         """Parameters, noise, and what is known beforehand."""
-        self._code = self._compiled()
+        super().__init__(document, effects)
         self._largest = np.sqrt(np.diag(self._code.covariance))
         self.wrench: F = np.full(6, np.nan)
         """(6,) wrench that the robot feels at the last reading, without the sensor's zero."""
@@ -251,8 +259,8 @@ class Adapter(_Kept):
 
     def _compiled(self) -> _native.Adapter:
         domain = json.loads(self._document).get("domain", {})
-        own = json.dumps(self.settings.document(self._effects, domain))
-        effects = json.dumps(self._effects.document)
+        own = json.dumps(self.settings.document(self.effects, domain))
+        effects = json.dumps(self.effects.document)
         return _native.Adapter(seal_model(self._document), effects, own)
 
     def observe(
@@ -277,13 +285,9 @@ class Adapter(_Kept):
         temperature_degC, age_s
             As for `Controller.step`.
         """
-        temperature = self._reference if temperature_degC is None else temperature_degC
+        told = self._temperature(temperature_degC), age_s
         outcome, self.wrench, self.stiffness = self._code.observe(
-            _six("pose", pose),
-            _six("wrench", wrench),
-            dt_s,
-            temperature,
-            age_s,
+            _six("pose", pose), _six("wrench", wrench), dt_s, *told
         )
         return OUTCOMES[outcome]
 
@@ -386,7 +390,7 @@ class Adapter(_Kept):
         self._code.state = np.ascontiguousarray(numbers, dtype=np.float64)
 
 
-class Controller(_Kept):
+class Controller(_Steps):
     """Wrench and tangent along a path: the static model with its effects of time.
 
     `Model.controller` makes one. `init` sets the state after an infinite rest; each `step` is told
@@ -418,13 +422,6 @@ class Controller(_Kept):
     """
 
     _code: Stepper
-
-    def __init__(self, document: str, effects: TimeEffects) -> None:
-        self._document = document
-        self._reference = float(effects.document.get("reference_degc", 0.0))
-        self.effects = effects
-        """What acts, what is left out, and why."""
-        self._code = self._compiled()
 
     def _compiled(self) -> Stepper:
         return Stepper(seal_model(self._document), json.dumps(self.effects.document))
@@ -523,9 +520,6 @@ class Controller(_Kept):
         if found.ndim != 1:
             raise InputError(f"state of shape {found.shape}: expected (49,), as it was stored")
         self._code.state = found
-
-    def _temperature(self, given: float | None) -> float:
-        return self._reference if given is None else given
 
 
 def _six(name: str, given: Any) -> F:
