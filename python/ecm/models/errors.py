@@ -285,7 +285,7 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     n, m = whitened.shape
     groups = row_groups(table)[scored]
     _, packed = np.unique(groups, return_inverse=True)
-    parts = np.arange(int(packed.max()) + 1)[packed] % _CEILING_FOLDS
+    parts = packed % _CEILING_FOLDS
     ridges = np.geomspace(1e-2, 1e4, 13) * np.sqrt(n)
     squares = np.zeros(len(ridges))
     physical = np.zeros((m, len(ridges)))

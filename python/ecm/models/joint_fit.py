@@ -124,13 +124,9 @@ class FittedEffect:
     @property
     def at_bounds(self) -> B:
         """(k,) whether a value lies at its smallest or largest."""
-        return np.array(
-            [
-                min(value - p.lower, p.upper - value) < 1e-6 * p.scale
-                for p, value in zip(self.effect.parameters, self.values, strict=True)
-            ],
-            dtype=bool,
-        )
+        own = zip(self.effect.parameters, self.values, strict=True)
+        near = [min(value - p.lower, p.upper - value) < 1e-6 * p.scale for p, value in own]
+        return np.array(near, dtype=bool)
 
     @property
     def taken(self) -> B:
