@@ -506,34 +506,32 @@ class Held:
     """A pose that is held against a wrench by inputs within limits, over `input_scale`."""
 
     base: ActuatedMap
-    pose: F
-    wrench: F | None
-    limits: Sequence[tuple[float, float]]
-    caller: str
+    at: F
+    """(6,) the pose."""
+    goal: F
+    """(6,) the wrench, N and N m."""
+    bounds: F
+    """(m, 2) dimensionless."""
 
-    @cached_property
-    def at(self) -> F:
-        """(6,) the pose."""
-        return _finite(f"{self.caller}: pose", self.pose, (6,))
-
-    @cached_property
-    def goal(self) -> F:
-        """(6,) the wrench, N and N m."""
-        wrench = np.zeros(6) if self.wrench is None else self.wrench
-        return _finite(f"{self.caller}: wrench", wrench, (6,))
-
-    @cached_property
-    def bounds(self) -> F:
-        """(m, 2) dimensionless."""
-        names = self.base.actuators
-        bounds = _finite(f"{self.caller}: limits", self.limits, (len(names), 2))
-        for name, (low, high) in zip(names, bounds, strict=True):
+    @staticmethod
+    def of(
+        base: ActuatedMap,
+        pose: F,
+        wrench: F | None,
+        limits: Sequence[tuple[float, float]],
+        caller: str,
+    ) -> Held:
+        """What a caller was given; InputError for other numbers."""
+        bounds = _finite(f"{caller}: limits", limits, (len(base.actuators), 2))
+        for name, (low, high) in zip(base.actuators, bounds, strict=True):
             if low >= high:
                 raise InputError(
-                    f"{self.caller}: limits of {name} are {low:g} and {high:g}: expected its least "
+                    f"{caller}: limits of {name} are {low:g} and {high:g}: expected its least "
                     "input, and a larger one"
                 )
-        return bounds / self.base.input_scale[:, None]
+        at = _finite(f"{caller}: pose", pose, (6,))
+        goal = _finite(f"{caller}: wrench", np.zeros(6) if wrench is None else wrench, (6,))
+        return Held(base, at, goal, bounds / base.input_scale[:, None])
 
     @cached_property
     def unit(self) -> F:

@@ -244,7 +244,7 @@ class EvaluatedModel:
             The inputs, and the wrench that is still needed at the pose beside them, N and N m.
             Forces and moments over the length count alike.
         """
-        return Held(self.actuated, pose, wrench, limits, "actuation_for").closest()
+        return Held.of(self.actuated, pose, wrench, limits, "actuation_for").closest()
 
     def stiffness_range(
         self,
@@ -282,7 +282,7 @@ class EvaluatedModel:
         ComputationError
             No inputs within the limits hold the pose.
         """
-        held = Held(self.actuated, pose, wrench, limits, "stiffness_range")
+        held = Held.of(self.actuated, pose, wrench, limits, "stiffness_range")
         return held.stiffness_range(along, tolerance)
 
     def left_out(self, table: Table) -> dict[str, Missing]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -179,7 +179,7 @@ class JointFit:
         covariance = self.covariance + own @ self.slow.products(self.rows.table, self.design) @ own
         sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         free = sum(len(item.values) for item in self.effects if not item.frozen)
-        effects = _each(self.effects, sd[len(sd) - free :], _with_sd)
+        effects = _with_each(self.effects, "sd", sd[len(sd) - free :])
         return replace(self, covariance=covariance, effects=effects)
 
 
@@ -256,7 +256,7 @@ def joint_fit(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=at.base,
-        effects=_each(at.effects, sd[at.free_base :], _with_sd),
+        effects=_with_each(at.effects, "sd", sd[at.free_base :]),
         rows=rows.measured,
         residual=residual,
         whitened=y,
@@ -293,24 +293,17 @@ class _Linearised:
     """(r,)."""
 
 
-def _each(
-    effects: Sequence[FittedEffect], numbers: F, changed: Callable[[FittedEffect, F], FittedEffect]
+def _with_each(
+    effects: Sequence[FittedEffect], name: Literal["values", "sd"], numbers: F
 ) -> tuple[FittedEffect, ...]:
-    """The effects, the free ones changed by their part of the numbers (k,)."""
+    """The effects, the free ones with their part of the numbers (k,) in this field."""
     found, at = [], 0
     for item in effects:
         k = 0 if item.frozen else len(item.values)
-        found.append(item if item.frozen else changed(item, numbers[at : at + k]))
+        own: dict[str, Any] = {name: numbers[at : at + k]}
+        found.append(item if item.frozen else replace(item, **own))
         at += k
     return tuple(found)
-
-
-def _with_sd(item: FittedEffect, sd: F) -> FittedEffect:
-    return replace(item, sd=sd)
-
-
-def _moved_by(item: FittedEffect, step: F) -> FittedEffect:
-    return replace(item, values=item.values + step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -431,11 +424,11 @@ class _At:
 
     def _moved(self, step: F) -> _At | None:
         """Where a step (k,) of the free parameters leads; None where it cannot be evaluated."""
-        base, rows = self.base, self.rows
+        base, rows, values = self.base, self.rows, self.values + step
         if self.free_base:
-            base = base.with_coefficients(base.coefficients + step[: self.free_base])
+            base = base.with_coefficients(values[: self.free_base])
             rows = rows.under(base, dict(self.data.kept))
-        effects = _each(self.effects, step[self.free_base :], _moved_by)
+        effects = _with_each(self.effects, "values", values[self.free_base :])
         moved = replace(self, base=base, rows=rows, effects=effects)
         try:
             return moved if np.isfinite(moved.squares) else None
