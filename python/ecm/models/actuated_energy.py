@@ -257,7 +257,7 @@ class ActuatedMap(SixAxisMap):
         return name_of(self.terms.degree, self.terms.order, self.terms.body)
 
     @property
-    def length_m(self) -> float | None:
+    def length_m(self) -> float:
         """Length of the mechanism, m."""
         return self.terms.length_m
 

@@ -657,23 +657,10 @@ def pose_error(
     )
 
 
-def report_rows(table: Table) -> I:
-    """Return at most 200 measured rows of a table, evenly, on which a fit report rests.
-
-    Examples
-    --------
-    >>> import ecm
-    >>> x = np.linspace(-0.01, 0.01, 1000)
-    >>> len(report_rows(ecm.as_table({"x_m": x, "fx_N": 2000.0 * x})))
-    200
-    """
-    rows = np.flatnonzero(table.of_poses)
-    return rows[evenly(len(rows), _ROWS_OF_A_FIT)]
-
-
 def error_of_report(model: EvaluatedModel, table: Table) -> dict[str, Any]:
-    """Pose error of a model on the rows of a fit report, as plain JSON."""
-    shown = report_rows(table)
+    """Pose error of a model on some of the measured rows for a fit report, as plain JSON."""
+    rows = np.flatnonzero(table.of_poses)
+    shown = rows[evenly(len(rows), _ROWS_OF_A_FIT)]
     some = table.subsample(shown)
     errors = some.matrix(model.outputs) - model.readings(some)
     return pose_error(model, table.select(shown), errors).to_dict()

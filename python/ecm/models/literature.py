@@ -357,7 +357,7 @@ class _Backbone(SixAxisMap):
     coefficients: F
 
     @property
-    def length_m(self) -> float | None:
+    def length_m(self) -> float:
         """Length of the mechanism, m."""
         return self.length
 

@@ -304,7 +304,7 @@ class EnergyMap(SixAxisMap):
         return self.model.name
 
     @property
-    def length_m(self) -> float | None:
+    def length_m(self) -> float:
         """Length of the mechanism, m."""
         return self.model.length_m
 

@@ -267,7 +267,7 @@ def beyond_inputs(model: EvaluatedModel, table: Table) -> str:
 def _coordinates_of(base: StiffnessMap, poses: F) -> F:
     """(N, n) mid-frame coordinates of poses where a map is an energy, else the poses."""
     if isinstance(base, EnergyMap | PhysicsMap | ActuatedMap):
-        return coordinates(poses, base.length_m or 0.0)
+        return coordinates(poses, base.length_m)
     return poses
 
 

@@ -205,7 +205,7 @@ def _beside_fem(model: Model, poses: F) -> tuple[PhysicsMap, F, F] | None:
     None for other bases.
     """
     base = model.base
-    if not isinstance(base, PhysicsMap) or base.family is None or base.length_m is None:
+    if not isinstance(base, PhysicsMap) or base.family is None:
         return None
     shifted = np.abs(base.family.shifted(poses, base.length_m)).max(axis=1)
     return base, np.linalg.norm(poses[:, 3:], axis=1), shifted
@@ -255,7 +255,7 @@ def beyond_reach(model: Model, poses: F) -> list[str]:
             "TOML of the mechanism as MODEL"
         )
     far = shifted > _REACH_MARGIN
-    if far.any() and base.family is not None and base.length_m is not None:
+    if far.any() and base.family is not None:
         low, high, most = 1e3 * base.length_m * base.family.shifts
         said.append(
             f"{int(far.sum())} of {len(poses)} poses are pulled, pressed or pushed aside further "

@@ -99,7 +99,7 @@ class PhysicsMap(SixAxisMap):
     name = kind = "physics"
 
     @property
-    def length_m(self) -> float | None:
+    def length_m(self) -> float:
         """Length of the mechanism."""
         return self.surrogate.length_m
 
