@@ -1,6 +1,6 @@
 """The messages of a run, in the order in which the run engine of Bluesky takes them.
 
-Bluesky has the messages, the pausing, the documents, and the order in which things are stopped.
+Bluesky has the messages, and the order in which things are stopped; of its documents it makes none.
 Devices here are plain classes that block (`ecm.bench.devices`); each call runs in a thread of its
 own, so that a device that hangs is left behind and the mover is stopped all the same. For that the
 engine alone is enough; ophyd-async, which would bring pydantic and 20 packages, is not needed.
@@ -25,7 +25,7 @@ from ecm.io.extras import in_background, require
 from ecm.io.se3 import displaced
 from ecm.rig.plan import AT_HOME, OFFSET, UNLOADED, Visit
 from ecm.rig.plan import POSE as AT_POSE
-from ecm.rig.readings import HEADER, Reading
+from ecm.rig.readings import Reading
 
 _CALL_S = 60.0
 """Longest time in which actuators are set."""
@@ -150,23 +150,16 @@ class _Call:
 
 
 class _Rig:
-    """All instruments as one thing that Bluesky triggers and reads: a row."""
-
-    name = "reading"
-    parent = None
+    """All instruments as one thing: a row is read with all of them."""
 
     def __init__(
         self, run: Run, devices: Mapping[str, Device], sample: Callable[[str], None] | None
     ) -> None:
         self._run, self._devices, self._sample = run, devices, sample
-        self.window_s = run.bench.procedure.window_s
-        self.run_number = 0
-        ended_s = run.taken[-1].time_s + self.window_s if run.taken else 0.0
+        self._run_number = 0
+        window_s = run.bench.procedure.window_s
+        ended_s = run.taken[-1].time_s + window_s if run.taken else 0.0
         self.clock = Clock(devices["mover"], ended_s)
-        self.reading: Reading | None = None
-        self.time_s = 0.0
-        """Time of the middle of the reading's window."""
-        self.inputs = np.empty(0)
         # Two questions at once would be one too many for a person.
         self._by_hand = by_hand(devices, "pose", "wrench")
 
@@ -247,43 +240,33 @@ class _Rig:
         answer = self.answer(part, getattr(self._devices[part], method))
         return np.asarray(answer, dtype=np.float64).ravel()
 
-    def trigger(self) -> Status:
-        return Status(self._take)
-
-    def _take(self) -> None:
-        devices, window_s = self._devices, self.window_s
+    def take(self, visit: Visit) -> tuple[float, Reading, F]:
+        """Read all: the time of the middle of the window, the reading, and the actuators (m,)."""
+        devices, window_s = self._devices, visit.window_s
+        self._run_number = visit.run
         seen = Status(lambda: self.answer("pose", lambda: devices["pose"].pose(window_s), window_s))
         if self._by_hand:
             seen.result(None)
         samples = self.answer("wrench", lambda: self._samples(window_s), window_s)
-        warm, self.inputs = self._degrees(), self._told("actuation", "actuation")
+        warm, inputs = self._degrees(), self._told("actuation", "actuation")
         mean, spread = map(np.asarray, seen.result(None))
-        self.time_s = self.clock.middle(window_s)
+        time_s = self.clock.middle(window_s)
         adjoint = self._run.top_from_sensor
-        self.reading = Reading.of_samples((mean, spread), samples, adjoint, warm)
+        reading = Reading.of_samples((mean, spread), samples, adjoint, warm)
         if self._sample is not None:
             count = max(1, round(window_s * self._run.bench.procedure.stream_Hz))
             parts = np.array_split(samples, min(count, len(samples)))
             means = np.stack([part.mean(axis=0) for part in parts])
-            self._keep(self.reading.pose, means, self.time_s, window_s)
+            self._keep(reading.pose, means, time_s, window_s)
+        return time_s, reading, inputs
 
     def _keep(self, pose: F, sensor: F, middle_s: float, window_s: float) -> None:
         """Keep samples (n, 6) that are spread over a window."""
         assert self._sample is not None
         for i, row in enumerate(sensor):
             time_s = middle_s + ((i + 0.5) / len(sensor) - 0.5) * window_s
-            numbers = [float(self.run_number), time_s, *pose.tolist(), *row.tolist()]
+            numbers = [float(self._run_number), time_s, *pose.tolist(), *row.tolist()]
             self._sample(",".join(map(repr, numbers)))
-
-    def read(self) -> dict[str, Any]:
-        reading = self.reading
-        assert reading is not None
-        numbers = [float(cell) for cell in reading.line().split(",")]
-        return {self.name: {"value": numbers, "timestamp": time.time()}}
-
-    def describe(self) -> dict[str, Any]:
-        shape = [len(HEADER.split(","))]
-        return {self.name: {"source": "ecm measure", "dtype": "array", "shape": shape}}
 
 
 class Messages:
@@ -313,7 +296,6 @@ class Messages:
     def rows(self, first: int) -> Iterator[Any]:
         """Every visit from the first that is missing, and those that are chosen on the way."""
         visits = self._run.timeline.visits
-        yield from self._stubs.open_run()
         number, ended = first, False
         if first:
             last = visits[first - 1]
@@ -332,7 +314,6 @@ class Messages:
                 self.told(f"visit {number + 1}: {why}; it was measured again at once")
                 yield from self._visit(number)
             number += 1
-        yield from self._stubs.close_run()
         self.mover.over = True
 
     def _go_on(self, number: int) -> bool:
@@ -382,8 +363,7 @@ class Messages:
             goal = point[:6]
             if offset is not None and i == len(way) - 1 and "follower" in self._devices:
                 goal = yield from self._followed(point[6:], offset)
-            yield from stubs.abs_set(self.mover, goal, group="move")
-            yield from stubs.wait("move")
+            yield from stubs.abs_set(self.mover, goal, group="move", wait=True)
             self._at = point
         yield from self._handled(visit)
         freed = visit.kind in (OFFSET, UNLOADED)
@@ -392,15 +372,9 @@ class Messages:
         yield from self._waited(visit.dwell_s)
         if not freed:
             yield from self._called("rig", self._rig.look, np.inf)
-        rig = self._rig
-        rig.window_s, rig.run_number = visit.window_s, visit.run
-        yield from stubs.trigger(rig, group="read")
-        yield from stubs.wait("read")
-        yield from stubs.create("primary")
-        yield from stubs.read(rig)
-        yield from stubs.save()
-        assert rig.reading is not None
-        taken = Taken(number, self._row, visit.kind, rig.time_s, rig.reading, rig.inputs)
+        reading = _Call(lambda: self._rig.take(visit))
+        status = yield from stubs.trigger(reading, group="read", wait=True)
+        taken = Taken(number, self._row, visit.kind, *status.result(None))
         for finding in self._keep(taken):
             self.told(finding)
         if freed:
@@ -457,8 +431,7 @@ class Messages:
     def _called(self, part: str, work: Callable[[], Any], more_s: float) -> Iterator[Any]:
         """Wait for a call in a thread of its own, so that Bluesky may stop in between."""
         call = _Call(lambda: self._rig.answer(part, work, more_s))
-        yield from self._stubs.trigger(call, group="call")
-        yield from self._stubs.wait("call")
+        yield from self._stubs.trigger(call, group="call", wait=True)
 
     def _waited(self, seconds: float) -> Iterator[Any]:
         if self._clock.own:
