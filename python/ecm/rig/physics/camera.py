@@ -7,32 +7,43 @@ not survive the first look at the data; half a second is seen against the arm's 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.se3 import compose, rigid_design, seen_from
 from ecm.rig.physics.true_effect import (
+    DIRECTION,
+    DURATION,
     MOTION_SCALE,
+    UNIT_VECTOR,
     CameraPose,
     Clock,
     Conditions,
     Limit,
     Random,
     RigScale,
-    balanced_direction,
     between,
     drawn,
     unit_vector,
 )
 
-T = TypeVar("T", bound="AskewFrame")
-
 LEDS = 9
 """Number of LEDs on a target."""
 LEDS_NEEDED = 4
 """Number of LEDs that a pose needs."""
+
+_OF_LEDS = drawn(lambda random, rig: random.standard_normal((LEDS, 3)))
+_SHIFT = drawn(
+    lambda random, rig: 0.3 * rig.length_m * random.uniform(0.2, 1.0) * unit_vector(random)
+)
+_NEVER_S = 1e12
+
+
+def _step_or_none(random: Random, rig: RigScale) -> float:
+    """When half of a motion happens at once; in half of the draws never."""
+    return random.uniform(0.3, 0.7) * rig.duration_s if random.random() < 0.5 else _NEVER_S
 
 
 @dataclass(frozen=True)
@@ -44,15 +55,11 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
     its place.
     """
 
-    errors: tuple[tuple[float, ...], ...]
+    errors: tuple[tuple[float, ...], ...] = field(metadata=_OF_LEDS)
     """Errors (9, 3) of unit size."""
 
     limit: ClassVar[Limit] = Limit(0.1, "larger tilts")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Leds:
-        errors = random.standard_normal((LEDS, 3))
-        return cls(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
+    first_size: ClassVar[float] = 1e-3
 
     def measured(self, poses: F, at: Conditions) -> F:
         assert at.leds_visible is not None
@@ -75,18 +82,13 @@ class Leds(CameraPose, effect="led_occlusion", name="leds", unit="m"):
 class AskewFrame(CameraPose, unit="rad"):
     """A frame that is a shifted and turned copy of the stated one; `size` is the rotation."""
 
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    axis: tuple[float, float, float] = field(default=(0.0, 1.0, 0.0), metadata=UNIT_VECTOR)
     """Unit direction of the rotation, in the axes of the stated frame."""
-    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift_m_rad: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), metadata=_SHIFT)
     """Translation per rad of rotation, in the same axes."""
 
     limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
-
-    @classmethod
-    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
-        axis = unit_vector(random)
-        shift = 0.3 * rig.length_m * random.uniform(0.2, 1.0) * np.asarray(unit_vector(random))
-        return cls(2e-3, axis=axis, shift_m_rad=(shift[0], shift[1], shift[2]))
+    first_size: ClassVar[float] = 2e-3
 
     @property
     def motion(self) -> F:
@@ -146,23 +148,16 @@ class MarkerMotion(CameraPose, effect="marker_motion", unit="m"):
     where the clamp gives way at step_s. `size` is the translation of the marker after end_s.
     """
 
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    """Direction of translation, and of rotation times 0.1 m."""
-    time_s: float = 1800.0
-    """tau."""
-    end_s: float = 3600.0
-    step_s: float = 1e12
+    step_s: float = field(default=_NEVER_S, metadata=drawn(_step_or_none))
     """Time at which half of the motion happens at once; beyond the end: no step."""
+    direction: tuple[float, ...] = field(default=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), metadata=DIRECTION)
+    """Direction of translation, and of rotation times 0.1 m."""
+    time_s: float = field(default=1800.0, metadata=between(0.3, 2.0, of="duration_s"))
+    """tau."""
+    end_s: float = field(default=3600.0, metadata=DURATION)
 
     limit: ClassVar[Limit] = Limit(0.05, "a longer campaign, poses measured again at its end")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> MarkerMotion:
-        end = rig.duration_s
-        step = float(random.uniform(0.3, 0.7)) * end if random.random() < 0.5 else 1e12
-        direction = balanced_direction(random)
-        time = float(random.uniform(0.3, 2.0)) * end
-        return cls(1e-4, direction=direction, time_s=time, end_s=end, step_s=step)
+    first_size: ClassVar[float] = 1e-4
 
     def afterwards(self) -> MarkerMotion:
         """A step has happened before the campaign begins; creep starts again."""
@@ -190,7 +185,7 @@ class TimeSkew(Clock, effect="time_skew", unit="s"):
 
     creep: float = field(default=0.0, metadata=between(-0.3, 0.3))
     """Growth of the delay until the end, as a share of it."""
-    end_s: float = field(default=1.0, metadata=drawn(lambda random, rig: rig.duration_s))
+    end_s: float = field(default=1.0, metadata=DURATION)
 
     limit: ClassVar[Limit] = Limit(
         0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"

@@ -23,6 +23,7 @@ from ecm.rig.physics.true_effect import (
     RigScale,
     TrueEffect,
     between,
+    drawn,
 )
 
 
@@ -95,6 +96,7 @@ class BasePlate(Clamp, effect="base_compliance", name="base_plate", unit="rad/(N
         return self.compliance(length_m) * wrenches
 
 
+_SOME_TILT = drawn(lambda random, rig: float(np.quantile(rig.tilts_rad, random.uniform(0.5, 0.75))))
 _STEP = 1e-6
 _DEPTH_M = 1e-3
 
@@ -183,19 +185,15 @@ class Stop(PlatformLoad, effect="contact_stop", name="stop", unit="N/m"):
     last motion. `size` is the contact stiffness at a depth of 1 mm.
     """
 
-    limit_rad: float = 0.3
+    limit_rad: float = field(default=0.3, metadata=_SOME_TILT)
     """Tilt of the platform's axis at which the rim touches."""
     radius_m: float = 0.035
     """R."""
-    friction: float = 0.2
+    friction: float = field(default=0.2, metadata=between(0.1, 0.3))
     """mu."""
 
     limit: ClassVar[Limit] = Limit(300.0, "larger tilts")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Stop:
-        limit = float(np.quantile(rig.tilts_rad, random.uniform(0.5, 0.75)))
-        return cls(1e3, limit_rad=limit, friction=float(random.uniform(0.1, 0.3)))
+    first_size: ClassVar[float] = 1e3
 
     def load(self, at: Conditions) -> F:
         axis = rotation(at.poses[:, 3:])[:, :, 0]

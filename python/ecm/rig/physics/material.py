@@ -23,12 +23,13 @@ from ecm.rig.physics.true_effect import (
     Limit,
     MaterialFactor,
     MaterialMemory,
-    Random,
-    RigScale,
     between,
+    drawn,
     metric_root,
 )
 
+_SHARES = drawn(lambda random, rig: random.dirichlet([4.0, 4.0, 4.0]))
+_TIMES = drawn(lambda random, rig: np.array([1.0, 8.0, 60.0]) * random.uniform(0.6, 1.6, 3))
 _KELVIN = 273.15
 _STEP = 0.2
 """Largest increment of the integration of friction, in yield lengths."""
@@ -99,16 +100,11 @@ class Relaxation(
     `size` is the sum of the shares of all chains.
     """
 
-    shares: tuple[float, ...] = (0.4, 0.35, 0.25)
-    times_s: tuple[float, ...] = (1.0, 8.0, 60.0)
+    shares: tuple[float, ...] = field(default=(0.4, 0.35, 0.25), metadata=_SHARES)
+    times_s: tuple[float, ...] = field(default=(1.0, 8.0, 60.0), metadata=_TIMES)
 
     limit: ClassVar[Limit] = Limit(0.6, "several dwells, from 2 to 60 s")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Relaxation:
-        shares = random.dirichlet([4.0, 4.0, 4.0])
-        times = np.array([1.0, 8.0, 60.0]) * random.uniform(0.6, 1.6, 3)
-        return cls(0.05, shares=tuple(shares.tolist()), times_s=tuple(times.tolist()))
+    first_size: ClassVar[float] = 0.05
 
     def factor(self, at: Conditions) -> F:
         """Factor (N,) after a ramp and a rest; a motion carries its own history."""

@@ -17,6 +17,7 @@ from ecm.io.se3 import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
     DIRECTION,
     SENSOR_SCALE,
+    UNIT_VECTOR,
     Conditions,
     Limit,
     Random,
@@ -29,6 +30,13 @@ from ecm.rig.physics.true_effect import (
     unit_vector,
 )
 
+_SHIFT = drawn(lambda random, rig: random.uniform(0.05, 0.2) * unit_vector(random))
+_TALK = drawn(lambda random, rig: random.standard_normal((6, 6)) * (1.0 - np.eye(6)))
+_GAINS = drawn(lambda random, rig: np.sqrt(6.0) * balanced_direction(random))
+_WIDTHS = drawn(
+    lambda random, rig: random.uniform(0.05, 0.5, (6, 3)) * np.asarray(rig.loads)[:, None]
+)
+
 
 @dataclass(frozen=True)
 class SensorSeat(SensorFrame, effect="fts_frame", name="sensor_seat", unit="rad"):
@@ -37,16 +45,12 @@ class SensorSeat(SensorFrame, effect="fts_frame", name="sensor_seat", unit="rad"
     `size` is the rotation of the sensor's frame.
     """
 
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift_m_rad: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), metadata=_SHIFT)
     """Shift of its origin per rad, sensor axes."""
+    axis: tuple[float, float, float] = field(default=(1.0, 0.0, 0.0), metadata=UNIT_VECTOR)
 
     limit: ClassVar[Limit] = Limit(0.2, "larger forces")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorSeat:
-        shift = random.uniform(0.05, 0.2) * np.asarray(unit_vector(random))
-        return cls(5e-3, axis=unit_vector(random), shift_m_rad=(shift[0], shift[1], shift[2]))
+    first_size: ClassVar[float] = 5e-3
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         back = rotation(-self.size * np.asarray(self.axis)[None])
@@ -63,15 +67,11 @@ class SensorCrosstalk(SensorReading, effect="fts_crosstalk", name="sensor_crosst
     `size` is a typical entry of the matrix.
     """
 
-    matrix: tuple[tuple[float, ...], ...]
+    matrix: tuple[tuple[float, ...], ...] = field(metadata=_TALK)
     """Pattern (6, 6) with an empty diagonal."""
 
     limit: ClassVar[Limit] = Limit(0.1, "loads on every axis")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorCrosstalk:
-        matrix = random.standard_normal((6, 6)) * (1.0 - np.eye(6))
-        return cls(0.005, matrix=tuple(tuple(row) for row in matrix.tolist()))
+    first_size: ClassVar[float] = 0.005
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         bent = wrenches * (1.0 + wrenches / (10.0 * at.fts_range)) / SENSOR_SCALE
@@ -88,15 +88,11 @@ class SensorGain(SensorReading, effect="fts_gain", name="sensor_gain", unit="1")
     gain error.
     """
 
-    pattern: tuple[float, ...] = (1.0, -1.0, 0.5, -0.5, 1.0, -1.0)
+    pattern: tuple[float, ...] = field(default=(1.0, -1.0, 0.5, -0.5, 1.0, -1.0), metadata=_GAINS)
     """Gain error of each axis over `size`."""
 
     limit: ClassVar[Limit] = Limit(0.3, "loads on every axis")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorGain:
-        pattern = np.sqrt(6.0) * np.asarray(balanced_direction(random))
-        return cls(0.01, pattern=tuple(pattern.tolist()))
+    first_size: ClassVar[float] = 0.01
 
     def reading(self, wrenches: F, at: Conditions) -> F:
         gain = self.size * np.asarray(self.pattern)
@@ -139,16 +135,14 @@ class SensorPlay(SensorReading, effect="fts_hysteresis", name="sensor_play", uni
     mean lag of the operators. It acts without the mechanism as well (dead weights).
     """
 
-    widths: tuple[tuple[float, ...], ...] = ((1.0,), (1.0,), (1.0,), (0.03,), (0.03,), (0.03,))
+    widths: tuple[tuple[float, ...], ...] = field(
+        default=((1.0,), (1.0,), (1.0,), (0.03,), (0.03,), (0.03,)), metadata=_WIDTHS
+    )
     """Widths of the operators of each axis, N and N m."""
 
     limit: ClassVar[Limit] = Limit(0.4, "approaches from several sides")
     follows_the_way: ClassVar[bool] = True
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> SensorPlay:
-        share = random.uniform(0.05, 0.5, (6, 3)) * np.asarray(rig.loads)[:, None]
-        return cls(0.05, widths=tuple(tuple(row) for row in share.tolist()))
+    first_size: ClassVar[float] = 0.05
 
     def lag(self, loads: Sequence[F]) -> F:
         """Mean lag (N, 6) after the loads (k, 6) on the sensor since the reading before.

@@ -7,7 +7,7 @@ the body.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -104,6 +104,13 @@ class Supplied(OfLargest, effect="pressure_cross_talk", name="shared supply"):
         return np.asarray(inputs + self.size * self.largest * (others / self.largest) ** 0.8)
 
 
+def _some_reaches(random: Random, rig: RigScale) -> F:
+    """Reaches (k,) of the elements of a wall; none of a valve."""
+    longest = random.uniform(0.2, 0.8) * rig.largest_input
+    elements = np.arange(0 if random.uniform() < _VALVES else 6)
+    return np.asarray(longest * (elements + 1) / 6.0)
+
+
 @dataclass(frozen=True)
 class Slip(OfActuator, effect="pressure_hysteresis", name="slip in a valve or a wall", unit="Pa"):
     """A valve with play, or a wall of elements that stick and then slip (Maxwell slip).
@@ -114,17 +121,10 @@ class Slip(OfActuator, effect="pressure_hysteresis", name="slip in a valve or a 
     of the pressure back, -s to s once all of them slip: a smooth loop.
     """
 
-    reaches: tuple[float, ...] = ()
+    reaches: tuple[float, ...] = field(default=(), metadata=drawn(_some_reaches))
     """Reaches of the elements of a wall, Pa; none: a valve."""
 
     limit: ClassVar[Limit] = Limit(0.3, "pressures approached from below and from above")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> Slip:
-        valve, longest = super().draw(random, rig), random.uniform(0.2, 0.8) * rig.largest_input
-        if random.uniform() < _VALVES:
-            return valve
-        return replace(valve, reaches=tuple((longest * np.arange(1, 7) / 6.0).tolist()))
 
     def given(self, inputs: F, at: Conditions) -> F:
         return inputs - at.from_all(self._held)

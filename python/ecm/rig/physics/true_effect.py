@@ -234,7 +234,8 @@ class TrueEffect:
         """A random shape with a first guess of the size; only its sign is used."""
         sign = float(random.choice([-1.0, 1.0])) if cls.either_sign else 1.0
         shape = {f.name: f.metadata["drawn"] for f in fields(cls) if "drawn" in f.metadata}
-        return cls(sign * cls.first_size, **{name: how(random, rig) for name, how in shape.items()})
+        values = {name: _tuples(how(random, rig)) for name, how in shape.items()}
+        return cls(sign * cls.first_size, **values)
 
     def resized(self: T, size: float) -> T:
         """The same shape at another size."""
@@ -420,21 +421,24 @@ class Clock(TrueEffect):
 # --- draws and formulas that several effects share ---------------------------------------------
 
 
-def unit_vector(random: Random) -> tuple[float, float, float]:
-    """A random direction in space."""
+def unit_vector(random: Random) -> F:
+    """A random direction (3,) in space."""
     vector = random.standard_normal(3)
-    x, y, z = (vector / np.linalg.norm(vector)).tolist()
-    return x, y, z
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
-def balanced_direction(random: Random) -> tuple[float, ...]:
+def balanced_direction(random: Random) -> F:
     """A direction of six axes with no small entry."""
     sizes = random.uniform(0.4, 1.0, 6) * random.choice([-1.0, 1.0], 6)
-    return tuple((sizes / np.linalg.norm(sizes)).tolist())
+    return np.asarray(sizes / np.linalg.norm(sizes))
 
 
+UNIT_VECTOR = drawn(lambda random, rig: unit_vector(random))
+"""Metadata of a field that holds a direction in space."""
 DIRECTION = drawn(lambda random, rig: balanced_direction(random))
 """Metadata of a field that holds a balanced direction."""
+DURATION = drawn(lambda random, rig: rig.duration_s)
+"""Metadata of a field that holds the end of the campaign."""
 MEAN_TEMPERATURE = drawn(lambda random, rig: rig.mean_temperature_degC)
 """Metadata of a field that holds the temperature about which the effect is 0."""
 
@@ -445,4 +449,6 @@ def metric_root(length_m: float) -> F:
 
 
 def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+    """Arrays and lists as tuples of plain numbers, which an effect can be compared by."""
+    listed = value.tolist() if isinstance(value, np.ndarray) else value
+    return tuple(_tuples(item) for item in listed) if isinstance(listed, list) else listed
