@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,28 @@ from ecm.io.table import Table
 from ecm.regression.history import step_times, times_beside
 from ecm.regression.rows import Rows
 
-STEPS = 7
-"""Times of a jump that are tried first; the best is refined afterwards."""
+
+class FromAMoment(LinearEffect):
+    """What acts after a moment, in the shapes that have one: other moments are tried beside it."""
+
+    moment = "at_s"
+    """Name of its number in the shape."""
+    moments = 7
+    """Times that are tried first; the best is refined afterwards."""
+
+    @property
+    def acts_after_s(self) -> float | None:
+        """The moment; None of a shape that acts in all rows."""
+        moment: float | None = getattr(self, self.moment)
+        return moment
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Moments between this one and its neighbours."""
+        shape: Any = self
+        if self.acts_after_s is None:
+            return ()
+        times = times_beside(table, self.acts_after_s, self.moments, round_)
+        return tuple(replace(shape, **{self.moment: time}) for time in times)
 
 
 def twist(
@@ -55,7 +76,7 @@ def base_twist_columns(rows: Rows) -> F:
 
 
 @dataclass(eq=False)
-class PlatformSlip(TimedEffect):
+class PlatformSlip(FromAMoment, TimedEffect):
     """After t* the mechanism's end is displaced on the platform: -K_s B (d, w).
 
     Its force then acts beside the platform's centre: the torque changes by -(B d) x f.
@@ -82,16 +103,7 @@ class PlatformSlip(TimedEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A few times of the jump."""
-        return tuple(PlatformSlip(t) for t in step_times(table, STEPS))
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Moments between this one and its neighbours."""
-        return tuple(PlatformSlip(t) for t in times_beside(table, self.at_s, STEPS, round_))
-
-    @property
-    def acts_after_s(self) -> float:
-        """That of the jump."""
-        return self.at_s
+        return tuple(PlatformSlip(t) for t in step_times(table, self.moments))
 
     def columns(self, rows: Rows) -> F:
         """-K_s B and the lever of the force, after the jump."""
@@ -102,7 +114,7 @@ class PlatformSlip(TimedEffect):
 
 
 @dataclass(eq=False)
-class MarkerMotion(TimedEffect):
+class MarkerMotion(FromAMoment, TimedEffect):
     """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
 
     Where the base is measured at the start of `each` campaign, its creep counts from there.
@@ -138,16 +150,10 @@ class MarkerMotion(TimedEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A ramp, a creep that settles, and a few moments of a jump."""
         span = float(np.ptp(table.column("time_s")))
-        steps = tuple(MarkerMotion("step", t) for t in step_times(table, STEPS))
+        steps = tuple(MarkerMotion("step", t) for t in step_times(table, self.moments))
         creeps = (("ramp", 0.0), ("settling", round(0.35 * span, 1)))
         counted = ("once", "each") if table.meta.file.begins_s else ("once",)
         return (*(MarkerMotion(*creep, c) for c in counted for creep in creeps), *steps)
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Moments between a jump and its neighbours."""
-        if self.course != "step":
-            return ()
-        return tuple(MarkerMotion("step", t) for t in times_beside(table, self.at_s, STEPS, round_))
 
     @property
     def acts_after_s(self) -> float | None:
@@ -176,7 +182,7 @@ def _needs_one_run(table: Table) -> Missing | None:
 
 
 @dataclass(eq=False)
-class Jump(LinearEffect):
+class Jump(FromAMoment):
     """b after t* on each wrench column, or -dh/dp d after t* along each pose column.
 
     Parameters: *_jump: by how much this column jumps.
@@ -208,16 +214,8 @@ class Jump(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A few times, of all loads and of all poses."""
         moved = ",".join(table.wrench_columns), ",".join(spans(table))
-        return tuple(Jump(of, t) for of in filter(None, moved) for t in step_times(table, STEPS))
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Moments between this one and its neighbours."""
-        return tuple(Jump(self.of, t) for t in times_beside(table, self.at_s, STEPS, round_))
-
-    @property
-    def acts_after_s(self) -> float:
-        """That of the jump."""
-        return self.at_s
+        times = step_times(table, self.moments)
+        return tuple(Jump(of, t) for of in filter(None, moved) for t in times)
 
     def columns(self, rows: Rows) -> F:
         """(N, m, k) one level of each load, or what a shift of each pose column does to them."""
@@ -297,8 +295,6 @@ class BaseCompliance(Effect):
 _SHARES = (0.5, 0.7, 0.85)
 """Quantiles of the tilt at which a stop is tried."""
 _AZIMUTHS = 8
-_TEARS = 5
-"""Times of a tear that are tried at first."""
 
 
 @dataclass(eq=False)
@@ -370,7 +366,7 @@ def _tilt(rotation_vectors: F) -> tuple[F, F]:
 
 
 @dataclass(eq=False)
-class Debonding(LinearEffect):
+class Debonding(FromAMoment):
     """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
 
     A bond that lifts off yields along its normal by c L / (E A) times the pull (`gap_base`,
@@ -396,6 +392,8 @@ class Debonding(LinearEffect):
         "mullins_softening": "repeat_first_poses",
         "ageing": "repeat_first_poses",
     }
+
+    moments = 5
 
     opens: str = "tension"
     """`tension` (of the centre line), `face` (of its points), `gap_base`, `gap_top`, `hinge`, or
@@ -424,18 +422,12 @@ class Debonding(LinearEffect):
         for bending in (0.0, 0.15, 0.5):
             forms += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
-            forms += [Debonding("torn", t) for t in step_times(table, _TEARS)]
+            forms += [Debonding("torn", t) for t in step_times(table, self.moments)]
         return tuple(forms)
 
     def plain_form(self) -> Effect | None:
         """A joint that yields in push as in pull is a compliant base, not an open bond."""
         return None if self.opens == "torn" else BaseCompliance()
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Times between a tear and its neighbours."""
-        if self.opens != "torn":
-            return ()
-        return tuple(Debonding("torn", t) for t in times_beside(table, self.at_s, _TEARS, round_))
 
     @property
     def acts_after_s(self) -> float | None:

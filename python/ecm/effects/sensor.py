@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm.effects.ageing import Settling, settled, settling_times
-from ecm.effects.contact import STEPS, twist
+from ecm.effects.contact import FromAMoment, twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, short
 from ecm.effects.protocol import (
@@ -39,7 +39,7 @@ from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.regression.folds import zero_of_rows, zero_times
-from ecm.regression.history import step_times, times_beside
+from ecm.regression.history import step_times
 from ecm.regression.rows import Rows
 
 AXES = tuple(short(name) for name in WRENCH)
@@ -109,7 +109,7 @@ def _needs_two_zeros(table: Table) -> Missing | None:
 
 
 @dataclass(eq=False)
-class FtsOffset(CourseEffect):
+class FtsOffset(FromAMoment, CourseEffect):
     """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted.
 
     Or from a run or a moment on, as after a new zero or a knock. Of single wrench columns it is
@@ -122,6 +122,7 @@ class FtsOffset(CourseEffect):
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
     parameters = _of_axes("offset")
     along = ("offset", "")
+    moment = "since_s"
     outside = LookAlike(
         "anything constant in the sensor's axes: a tool's weight at one posture, a squeezed cable",
         "read the unloaded sensor",
@@ -163,24 +164,13 @@ class FtsOffset(CourseEffect):
             outputs = ",".join(table.wrench_columns)
             begins = [-1.0] * free + runs
             return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
-        moments = () if needs_varying("time_s", 1.0)(table) else step_times(table, STEPS)
+        moments = () if needs_varying("time_s", 1.0)(table) else step_times(table, self.moments)
         return (
             FtsOffset(),
             *[FtsOffset("mounted")] * free,
             *(FtsOffset(first_run=begin) for begin in runs),
             *(FtsOffset(since_s=moment) for moment in moments),
         )
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Moments between this one and its neighbours."""
-        if self.since_s is None:
-            return ()
-        return tuple(FtsOffset(since_s=t) for t in times_beside(table, self.since_s, STEPS, round_))
-
-    @property
-    def acts_after_s(self) -> float | None:
-        """That of a zero which is another one from then on."""
-        return self.since_s
 
     def course(self, rows: Rows) -> F:
         """One; zero on the free sensor where it acts `mounted`, and before it begins."""
