@@ -71,17 +71,6 @@ class Leg:
         nodes[:, 6:] = b[6:]
         return nodes
 
-    def share(self, time_s: F) -> F:
-        """u of the cubic timing law at (n,) times; 0 before the departure, 1 at rest."""
-        s = np.clip((time_s - self.departs_s) / max(self.visit.travel_s, 1e-9), 0.0, 1.0)
-        return s * s * (3.0 - 2.0 * s)
-
-    def speed(self, time_s: F) -> F:
-        """du/dt, 1/s."""
-        travel = max(self.visit.travel_s, 1e-9)
-        s = np.clip((time_s - self.departs_s) / travel, 0.0, 1.0)
-        return 6.0 * s * (1.0 - s) / travel
-
     def times(self, rate_Hz: float) -> F:
         """Times of the samples; none where the leg is shorter than the time between two."""
         span = self.visit.travel_s + min(self.visit.dwell_s, REST_S)
@@ -120,11 +109,9 @@ class RawStream:
 
     def velocities(self) -> F:
         """(N, 6) by the arm's encoders."""
-        speed = np.concatenate(
-            [leg.speed(self.time_s[self.leg == i]) for i, leg in enumerate(self.legs)]
-        )
+        s, travel_s = self._passed_time(self.time_s)
         ways = np.stack([leg.end - leg.start for leg in self.legs])
-        return speed[:, None] * ways[self.leg]
+        return (6.0 * s * (1.0 - s) / travel_s)[:, None] * ways[self.leg]
 
     def elastic_wrench(self) -> F:
         """(N, 6) at the true poses."""
@@ -194,11 +181,19 @@ class RawStream:
         meta = described(campaign, "", window_s=self.window_s)
         return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")
 
+    def _passed_time(self, time_s: F) -> tuple[F, F]:
+        """Share (N,) of the time to travel that has passed at moments of the samples' legs, and it.
+
+        0 before the departure, 1 at rest.
+        """
+        departs_s = np.asarray([leg.departs_s for leg in self.legs])[self.leg]
+        travel_s = np.asarray([max(leg.visit.travel_s, 1e-9) for leg in self.legs])[self.leg]
+        return np.clip((time_s - departs_s) / travel_s, 0.0, 1.0), travel_s
+
     def _on_the_way(self, time_s: F) -> tuple[F, F]:
-        """Poses (N, 6) and shares (N,) of the way at moments of the samples' legs."""
-        share = np.concatenate(
-            [leg.share(time_s[self.leg == i]) for i, leg in enumerate(self.legs)]
-        )
+        """Poses (N, 6) and shares (N,) of the way by the cubic timing law, at such moments."""
+        s, _ = self._passed_time(time_s)
+        share = s * s * (3.0 - 2.0 * s)
         start = np.stack([leg.start for leg in self.legs])[self.leg]
         end = np.stack([leg.end for leg in self.legs])[self.leg]
         return start + share[:, None] * (end - start), share
