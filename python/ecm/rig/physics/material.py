@@ -152,8 +152,7 @@ class Relaxation(
     def _along_the_motion(self, at: Conditions) -> F:
         """Relaxing wrenches (N, 6) of all visits of a motion; the states go on through rests."""
         parts = at.per_way(lambda points, wrenches: wrenches, of_material=True)
-        poses, wrenches, times = list[F](), list[F](), list[float]()
-        restart, own = list[bool](), list[int]()
+        moments, own = list[tuple[F, F, float, bool]](), list[int]()
         now = zip(at.time_s.tolist(), at.travel_s.tolist(), at.dwell_s.tolist(), strict=True)
         for i, ((time, travel, dwell), h) in enumerate(
             zip(now, at.material_wrenches(), strict=True)
@@ -162,22 +161,16 @@ class Relaxation(
             departures = [time - travel - dwell]
             for start, end in zip(way[-3::-1], way[-2:0:-1], strict=True):
                 departures.append(departures[-1] - at.leg_s(end - start))
-            begins = len(times)
+            begins = len(moments)
             # Where it rests until it departs; the samples of one leg follow each other.
             begun = zip(departures[::-1], way[:-1], parts[i][:-1], strict=True)
-            for moment, pose, there in begun:
-                if not times or moment > times[-1]:
-                    times.append(moment)
-                    poses.append(pose)
-                    wrenches.append(there)
-                    restart.append(at.rested[i] and len(times) == begins + 1)
-            own.append(len(times))
-            times.append(time)
-            poses.append(at.poses[i])
-            wrenches.append(h)
-            restart.append(False)
-        moved = np.stack(poses), np.stack(wrenches), np.asarray(times), np.asarray(restart)
-        return self.along(*moved)[own]
+            for departs, pose, there in begun:
+                if not moments or departs > moments[-1][2]:
+                    restart = at.rested[i] and len(moments) == begins
+                    moments.append((pose, there, departs, restart))
+            own.append(len(moments))
+            moments.append((at.poses[i], h, time, False))
+        return self.along(*map(np.asarray, zip(*moments, strict=True)))[own]
 
 
 @dataclass(frozen=True)
