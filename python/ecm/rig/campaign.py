@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -113,7 +113,7 @@ class Campaign(CampaignState):
         self._requests = {request.row: request for request in remaining}
         self.timeline = timeline_of(remaining, settings.rig, length)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
-        self._raw: tuple[Mapping[str, Grading], RawStream] | None = None
+        self._raw: RawStream | None = None
         random, table = stream(seed, "sensor zero"), settings.plant
         offset = random.uniform(-1.0, 1.0, 6) * np.repeat([table.offset_N, table.offset_Nm], 3)
         warm_up = SensorWarmUp(
@@ -202,10 +202,9 @@ class Campaign(CampaignState):
         """What is read while the arm moves, where [rig] stream_Hz asks for it."""
         if not self.settings.rig.stream_Hz:
             return None
-        gradings = self.plant.gradings
-        if self._raw is None or self._raw[0] is not gradings:
-            self._raw = (gradings, RawStream(self.plant, self.visits, self._air, self._solve))
-        return self._raw[1]
+        if self._raw is None:
+            self._raw = RawStream(self.plant, self.visits, self._air, self._solve)
+        return self._raw
 
     def table(self, readings: list[Reading]) -> Table:
         """The measurement table of all readings, compensated."""
@@ -285,6 +284,7 @@ class Campaign(CampaignState):
         kinds = [TRUE_EFFECTS[h.effect] for h in drawn if h.effect != NOTHING]
         grades = sorted({grade for kind in kinds for grade in kind.grades})
         self.plant = replace(self.plant, gradings={grade: graded(grade) for grade in grades})
+        self._raw = None  # it knew the bodies before
 
     def _visits(self, solved: SolvedPoses) -> Visits:
         visits = tuple(self.timeline.visits)
