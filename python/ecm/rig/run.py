@@ -141,19 +141,16 @@ def run_campaign(
     """
     check_arguments(run_campaign, locals())
     options = options or CampaignOptions()
-    source, folder, resume = options.source, options.folder, options.resume
+    resume, folder = options.resume, options.folder or cache_directory()
     require_possible(rig, out, overwrite=overwrite, resume=resume)
     tell_begun(plan)  # who follows sees the plan while its forces are computed
-    if source is None:
-        source = fem_source(plan, options.threads)
+    source = options.source or fem_source(plan, options.threads)
     if hide is None:
         hide = rig.hidden.effect
         if hide and hide != NOTHING:
             hide = f"{hide}={rig.hidden.strength!r}"
     if isinstance(hide, str):
         hide = Hidden.parse(hide)
-    if folder is None:
-        folder = cache_directory()
     kind: type[Campaign] = Campaign
     if rig.rig.mode == "robot":
         from ecm.rig.arm.campaign import RobotCampaign, require_arm  # noqa: PLC0415 - it takes 1.5 s to load
