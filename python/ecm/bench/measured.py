@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import insort
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -78,24 +77,9 @@ class Taken:
         return Taken(int(number), int(row), kind, float(time_s), reading, inputs)
 
 
-class _Scatter:
-    """Robust standard deviation (6,) of differences, by the median of their sizes."""
-
-    def __init__(self) -> None:
-        self._sizes: list[list[float]] = [[] for _ in range(6)]
-
-    def __len__(self) -> int:
-        return len(self._sizes[0])
-
-    def add(self, difference: F) -> None:
-        for column, one in zip(self._sizes, np.abs(difference).tolist(), strict=True):
-            insort(column, one)
-
-    def sd(self) -> F:
-        """Return 1.4826 times the median size, the deviation of normal numbers."""
-        middle, odd = divmod(len(self), 2)
-        medians = [c[middle] if odd else 0.5 * (c[middle - 1] + c[middle]) for c in self._sizes]
-        return 1.4826 * np.asarray(medians)
+def _robust_sd(differences: Sequence[F]) -> F:
+    """Return 1.4826 times the median size (6,) of differences, the deviation of normal numbers."""
+    return np.asarray(1.4826 * np.median(np.abs(differences), axis=0))
 
 
 @dataclass
@@ -130,7 +114,7 @@ class Run:
     """Robust standard deviations (6,) from the last reading to its repeat; 0 where unknown."""
     home_due: int = _HOME_EVERY
     """Readings until the next home check."""
-    _repeats: _Scatter = field(default_factory=_Scatter)
+    _repeats: list[F] = field(default_factory=list)
     """Differences of the wrench (6,) between two readings of one pose."""
     _before: dict[int, F] = field(default_factory=dict)
     """Last wrench (6,) at each pose."""
@@ -138,7 +122,7 @@ class Run:
     """Measured minus commanded pose (6,) of each reading."""
     _at_home: list[F] = field(default_factory=list)
     """The same of the home checks alone."""
-    _steps: _Scatter = field(default_factory=_Scatter)
+    _steps: list[F] = field(default_factory=list)
     """Changes of the deviation from one reading to the next."""
     _home_every: int = _HOME_EVERY
     _slipped: int = 0
@@ -228,21 +212,21 @@ class Run:
         if pose_id in self._before:
             difference = wrench - self._before[pose_id]
             if len(self._repeats) >= _ENOUGH:
-                sd = self._repeats.sd()
+                sd = _robust_sd(self._repeats)
                 self.off = np.abs(difference) / np.where(sd > 0.0, sd, np.inf)
-            self._repeats.add(difference)
+            self._repeats.append(difference)
         self._before[pose_id] = wrench
 
     def _pose_findings(self, deviation: F, *, at_home: bool) -> list[str]:
         """Words for a pose that left the commanded one; when to look home follows from it."""
         before, found = self._deviations, []
         enough = len(self._steps) >= _ENOUGH
-        sd = self._steps.sd() / np.sqrt(2.0) if enough else np.zeros(6)
+        sd = _robust_sd(self._steps) / np.sqrt(2.0) if enough else np.zeros(6)
         instrument = self.bench.instrument
         stated = instrument.pose_position_sd_m or 0.0, instrument.pose_rotation_sd_rad or 0.0
         sd = np.maximum(sd, np.repeat(stated, 3))
         if before:
-            self._steps.add(deviation - before[-1])
+            self._steps.append(deviation - before[-1])
         before.append(deviation)
         if at_home:
             step = deviation - self._at_home[0] if self._at_home else np.zeros(6)
@@ -360,7 +344,8 @@ class Run:
 
     def noise(self) -> F | None:
         """Robust standard deviation (6,) of one reading by its repeats; None with too few."""
-        return self._repeats.sd() / np.sqrt(2.0) if len(self._repeats) >= _ENOUGH else None
+        enough = len(self._repeats) >= _ENOUGH
+        return _robust_sd(self._repeats) / np.sqrt(2.0) if enough else None
 
     def off_model(self, taken: Taken) -> tuple[float, float, F] | None:
         """How far a reading is from the model, N and mm, and the wrench (6,) of the model."""
