@@ -295,19 +295,12 @@ class Messages:
 
     def rows(self, first: int) -> Iterator[Any]:
         """Every visit from the first that is missing, and those that are chosen on the way."""
-        visits = self._run.timeline.visits
-        number, ended = first, False
         if first:
-            last = visits[first - 1]
-            # By what was measured before the cut: a run that was not cut chose the same.
-            while number == len(visits) and not ended:
-                ended = self._go_on(number)
+            last = self._run.timeline.visits[first - 1]
+            self._comes_to(first)  # as a run chose that was not cut: by what was measured before
             yield from self._home_check(last)
-        while True:
-            while number == len(visits) and not ended:
-                ended = self._go_on(number)
-            if number == len(visits):
-                break
+        number = first
+        while self._comes_to(number):
             yield from self._visit(number)
             why = self._run.why_again()
             if why:
@@ -316,15 +309,17 @@ class Messages:
             number += 1
         self.mover.over = True
 
-    def _go_on(self, number: int) -> bool:
-        """Lay out what comes next; whether that was the end."""
-        row = self._run.next_row()
-        if row != THE_END and self._clock.passed() > self._ends_s:
-            self.told(f"the time was over after {number} of {self._run.total} visits")
-            row = THE_END
-        self._run.go_on(row)
-        self._row = row
-        return row == THE_END
+    def _comes_to(self, number: int) -> bool:
+        """Whether there is a visit of this number; rows are gone on to until it is laid out."""
+        visits = self._run.timeline.visits
+        while number == len(visits) and self._row != THE_END:
+            row = self._run.next_row()
+            if row != THE_END and self._clock.passed() > self._ends_s:
+                self.told(f"the time was over after {number} of {self._run.total} visits")
+                row = THE_END
+            self._run.go_on(row)
+            self._row = row
+        return number < len(visits)
 
     def _home_check(self, visit: Visit) -> Iterator[Any]:
         """After an interruption: the zero again, and a look at the rest pose."""
