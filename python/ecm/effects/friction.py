@@ -207,10 +207,8 @@ class Hysteresis(LinearEffect):
         direction = step / np.where(size > 1e-9, size, np.inf)[:, None]
         stiffness = rows.stiffness
         if self.stiffness == "rest":
-            stiffness = np.broadcast_to(
-                rows.base.stiffness(rows.rest_pose[None, :])[0], stiffness.shape
-            )
-            stiffness = stiffness * ~rows.unloaded[:, None, None]
+            rest = rows.base.stiffness(rows.rest_pose[None, :])
+            stiffness = rows.loaded(np.broadcast_to(rest, stiffness.shape))
         return np.asarray(stiffness @ direction[:, :, None])
 
     def _of_pairs(self, rows: Rows) -> F:
