@@ -25,6 +25,7 @@ from ecm.effects.pairs import (
     on_column,
     on_output,
     pairs,
+    parameters_of,
     per_pair,
     short,
     spans,
@@ -299,12 +300,7 @@ class UnusedColumn(LinearEffect):
                 for one in self._damping.parameters
             )
         else:
-            names = [name for name in self.outputs.split(",") if name]
-            units = [unit_of(name) for name in names]
-            self.parameters = tuple(
-                Parameter(f"{short(name)}_per_unit", f"{unit}/unit", _SCALES[unit])
-                for name, unit in zip(names, units, strict=True)
-            )
+            self.parameters = parameters_of(self.outputs, "per_unit", "/unit", _SCALES)
         if self.column:
             self.id = f"{ID}:{self.column}"
             lag = f" with a lag of {self.lag_s:.3g} s" if self.lag_s else ""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
-from ecm.effects.pairs import on_column, short, spans
+from ecm.effects.pairs import on_column, parameters_of, spans
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -25,7 +25,6 @@ from ecm.effects.protocol import (
 from ecm.effects.rod import rest_stiffness, rod_strain, wrench_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import unit_of
 from ecm.io.se3 import seen_from, turn_wrench, wrapped_rotation
 from ecm.io.table import Table
 from ecm.regression.history import step_times, times_beside
@@ -206,10 +205,7 @@ class Jump(FromAMoment):
     rivals = {"fts_drift": "return_home", "growing_load": "return_home"}
 
     def __post_init__(self) -> None:
-        self.parameters = tuple(
-            Parameter(f"{short(name)}_jump", unit_of(name), _JUMPS[unit_of(name)])
-            for name in filter(None, self.of.split(","))
-        )
+        self.parameters = parameters_of(self.of, "jump", "", _JUMPS)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A few times, of all loads and of all poses."""

@@ -8,7 +8,7 @@ motion take no work either. A relaxing branch gets its sign from these loops too
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -181,6 +181,22 @@ def per_pair(of: str, what: str, per: str = "", *, lower: float = -np.inf) -> tu
         unit = unit_of(other) + (f"/{per.format(unit_of(name))}" if per else "")
         made.append(Parameter(label, unit, 1.0 if other in WRENCH[:3] else 0.03, lower))
     return tuple(made)
+
+
+def parameters_of(
+    names: str, what: str, per: str, sizes: Mapping[str, float]
+) -> tuple[Parameter, ...]:
+    """One parameter for each of the columns with commas between them, of a size by its unit.
+
+    Examples
+    --------
+    >>> parameters_of("x_m,theta_z_rad", "jump", "", {"m": 1e-4, "rad": 2e-3})[1].name
+    'theta_z_jump'
+    """
+    return tuple(
+        Parameter(f"{short(name)}_{what}", f"{unit_of(name)}{per}", sizes[unit_of(name)])
+        for name in filter(None, names.split(","))
+    )
 
 
 def on_output(rows: Rows, name: str, values: F) -> F:

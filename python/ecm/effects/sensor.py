@@ -16,7 +16,7 @@ import numpy as np
 from ecm.effects.ageing import Settling, settled, settling_times
 from ecm.effects.contact import FromAMoment, twist
 from ecm.effects.friction import Hysteresis
-from ecm.effects.pairs import on_output, short
+from ecm.effects.pairs import on_output, parameters_of, short
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -34,7 +34,7 @@ from ecm.effects.protocol import (
 from ecm.effects.relaxation import play
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.io.columns import WRENCH, unit_of
+from ecm.io.columns import WRENCH
 from ecm.io.se3 import rotation, transpose, turn_wrench, wrench_adjoint
 from ecm.io.settings import setting
 from ecm.io.table import Table
@@ -45,16 +45,9 @@ from ecm.regression.rows import Rows
 AXES = tuple(short(name) for name in WRENCH)
 _MOST_RUNS = 8
 """Runs from each of which an offset is tried."""
-
-
-def _of_axes(
-    quantity: str, per: str = "", sizes: tuple[float, float] = (1.0, 0.03), *, names: str = ""
-) -> tuple[Parameter, ...]:
-    """One parameter per sensor axis, or per wrench column; ordinary sizes of force and torque."""
-    return tuple(
-        Parameter(f"{short(name)}_{quantity}", f"{unit_of(name)}{per}", sizes[name in WRENCH[3:]])
-        for name in (names.split(",") if names else WRENCH)
-    )
+_WRENCH = ",".join(WRENCH)
+_SIZES = {"N": 1.0, "N m": 0.03}
+"""Ordinary sizes of force and torque."""
 
 
 def zeroings(table: Table) -> tuple[str, ...]:
@@ -82,7 +75,7 @@ class CourseEffect(LinearEffect):
         if self.outputs is not None:
             self.kind = "time"
             self.requires = tuple(need for need in self.requires if need is not needs_full)
-            self.parameters = _of_axes(*self.along, names=self.outputs) if self.outputs else ()
+            self.parameters = parameters_of(self.outputs, *self.along, _SIZES)
 
     def course(self, rows: Rows) -> F:
         """(N,) the course."""
@@ -120,7 +113,7 @@ class FtsOffset(FromAMoment, CourseEffect):
 
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
-    parameters = _of_axes("offset")
+    parameters = parameters_of(_WRENCH, "offset", "", _SIZES)
     along = ("offset", "")
     moment = "since_s"
     outside = LookAlike(
@@ -192,7 +185,7 @@ class FtsDrift(Settling, CourseEffect):
 
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
-    parameters = _of_axes("rate", "/s", (1e-4, 3e-6))
+    parameters = parameters_of(_WRENCH, "rate", "/s", {"N": 1e-4, "N m": 3e-6})
     outside = LookAlike(
         "anything that grows with time in the sensor's axes: a warm-up, a body that swells",
         "the unloaded zero again and again",
@@ -241,7 +234,7 @@ class FtsThermalDrift(CourseEffect):
 
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows its temperature."
-    parameters = _of_axes("per_K", "/K", (0.3, 0.01))
+    parameters = parameters_of(_WRENCH, "per_K", "/K", {"N": 0.3, "N m": 0.01})
     along = ("rate", "/K")
     outside = LookAlike(
         "anything that adds a force with the temperature: a body or frame that grows, the supply",
