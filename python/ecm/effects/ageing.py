@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -144,12 +145,8 @@ class TemperatureModulus(OfTemperature):
         span = float(np.ptp(table.column("temperature_degC")))
         curved = _CURVES if span > _CURVED_K else ()
         curves = (np.inf, *(round(share * span, 3) for share in curved))
-        return tuple(
-            replace(one, curve_K=curve)
-            for one in super().variants(table)
-            if isinstance(one, TemperatureModulus)
-            for curve in curves
-        )
+        at_mean: Any = super().variants(table)[0]
+        return tuple(replace(at_mean, curve_K=curve) for curve in curves)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Curves between this one and its neighbours; none of a straight line."""

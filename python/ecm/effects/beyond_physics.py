@@ -421,8 +421,7 @@ def _dampings(table: Table) -> list[tuple[str, float | None]]:
     damper = ViscousDamping("", 1.0)
     if needs_full(table) is None or damper.missing(table) is not None:
         return []
-    made = (one for one in damper.variants(table) if isinstance(one, ViscousDamping))
-    return [(one.of, one.exponent) for one in made if one.of]
+    return [(one.of, one.exponent) for one in damper.variants(table) if one.of]
 
 
 def _lags(table: Table) -> tuple[float, ...]:

@@ -15,7 +15,6 @@ from ecm.effects.pairs import (
     resisting_pairs,
 )
 from ecm.effects.protocol import (
-    Effect,
     LinearEffect,
     LookAlike,
     Missing,
@@ -121,7 +120,7 @@ class ViscousDamping(LinearEffect):
             return Missing("nothing moved", "time_s of samples while it moves, or v_ columns")
         return None
 
-    def variants(self, table: Table) -> tuple[Effect, ...]:
+    def variants(self, table: Table) -> tuple[ViscousDamping, ...]:
         """Along pairs with both exponents."""
         if self.of is None:
             return (self,)
