@@ -297,6 +297,17 @@ def test_one_stiffness_that_follows_a_driver_is_no_name(component: int) -> None:
     assert found.family.driver == "the temperature of the body"
 
 
+def test_a_known_effect_beyond_its_bound_is_said_with_the_size_that_it_would_need() -> None:
+    """A thermometer in the room, a body that its own motor warms twelve times as much."""
+    poses, warm = workspace_poses(90, 5), np.linspace(21.0, 22.0, 90) + 0.1 * np.sin(np.arange(90))
+    read = wrench(poses) * (1.0 - 0.12 * (warm - 21.5))[:, None]
+    read += NOISE * np.random.default_rng(8).standard_normal(poses.shape)
+    table = read_at(poses, read, warm)
+    found = diagnose(ecm.fit_model(table, "energy4"), table)
+    assert found.verdict == "family"
+    assert "temperature_modulus (beta = 0.12 1/K, beyond its bound 0.05)" in found.summary().missing
+
+
 def test_drivers_that_share_the_weight_are_said_together() -> None:
     table = warmed(SLOW, 0.0, 3, 0.01)
     found = diagnose(ecm.fit_model(table, "energy4"), table)

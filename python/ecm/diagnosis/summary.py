@@ -197,11 +197,21 @@ def _like(document: Mapping[str, Any]) -> str:
     lacking = {item["id"] for item in document["not_testable"]}
     like = document["family"]["like"]
     of_reason = {
-        "none fits": [id for id in like if id not in lacking],
+        "none fits": [f"{id}{_beyond(document, id)}" for id in like if id not in lacking],
         "not testable": [id for id in like if id in lacking],
     }
     told = [f"{reason}: {', '.join(ids)}" for reason, ids in of_reason.items() if ids]
     return f" ({'; '.join(told)})" if told else ""
+
+
+def _beyond(document: Mapping[str, Any], id: str) -> str:
+    """The size that an effect would need by itself, where that is beyond its bounds."""
+    for one in (one for one in document["ranking"] if one["id"] == id):
+        allowed = {own.name: own for own in with_shape(id, {}).parameters}[one["parameter"]]
+        if not allowed.lower <= one["size"] <= allowed.upper:
+            bound, unit = np.clip(one["size"], allowed.lower, allowed.upper), behind(one["unit"])
+            return f" ({one['parameter']} = {one['size']:.3g}{unit}, beyond its bound {bound:.3g})"
+    return ""
 
 
 def _without_name(document: Mapping[str, Any]) -> str:
