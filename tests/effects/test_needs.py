@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.effects import Effect, all_effects, get_effect
+from ecm.effects import Effect, all_effects, effects_of, get_effect
 from ecm.effects.contact import Debonding
 from ecm.effects.friction import Hysteresis
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, VELOCITY, WRENCH
@@ -142,3 +143,15 @@ def test_a_bond_that_opens_in_tension_needs_no_time_and_one_that_tore_does() -> 
     torn = Debonding("torn", 100.0).missing(table)
     assert torn is not None
     assert torn.record == "time_s"
+
+
+@pytest.mark.parametrize("columns", [("x_m", "fx_N"), ("x_m", "theta_z_rad", "fx_N", "tau_z_Nm")])
+def test_effects_of_few_columns_go_from_process_to_process_with_their_needs(
+    columns: tuple[str, ...],
+) -> None:
+    table = full_table()
+    some = table.drop(*(name for name in (*POSE, *WRENCH) if name not in columns))
+    for effect in effects_of(some):
+        copied = pickle.loads(pickle.dumps(effect))
+        assert copied.id == effect.id
+        assert copied.missing(some) == effect.missing(some)

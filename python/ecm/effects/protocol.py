@@ -11,8 +11,9 @@ happened between two of them: `correction_of` and `jacobian_of` compute it on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -116,7 +117,7 @@ class LookAlike:
 
 
 Need = Callable[[Table], Missing | None]
-"""What an effect needs of a table: None where it is there."""
+"""What an effect needs of a table: None where it is there. Models hold it, and can be pickled."""
 
 
 def optional(default: Any) -> Any:
@@ -136,14 +137,14 @@ def listed(*parameters: Parameter) -> tuple[Parameter, ...]:
 
 def needs_columns(*names: str) -> Need:
     """Missing where one of these columns is not there."""
+    return partial(_without_columns, names)
 
-    def need(table: Table) -> Missing | None:
-        lacking = [name for name in names if not table.has(name)]
-        if not lacking:
-            return None
-        return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
 
-    return need
+def _without_columns(names: Sequence[str], table: Table) -> Missing | None:
+    lacking = [name for name in names if not table.has(name)]
+    if not lacking:
+        return None
+    return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
 
 
 def is_full(names: Iterable[str], length_known: bool) -> bool:
@@ -172,29 +173,29 @@ needs_time = needs_columns("time_s")
 
 def needs_varying(name: str, smallest_range: float) -> Need:
     """Missing where a covariate is not there, unknown, or does not vary."""
+    return partial(_constant, name, smallest_range)
 
-    def need(table: Table) -> Missing | None:
-        if not table.has(name):
-            return Missing(f"no column {name}", name, absent=True)
-        values = table.measured().column(name)
-        known = values[np.isfinite(values)]
-        if len(known) < len(values):
-            return Missing(f"{name} is unknown in {len(values) - len(known)} rows", name)
-        if len(known) == 0 or float(np.ptp(known)) < smallest_range:
-            return Missing(f"{name} does not vary", f"{name} over a wider range")
-        return None
 
-    return need
+def _constant(name: str, smallest_range: float, table: Table) -> Missing | None:
+    if not table.has(name):
+        return Missing(f"no column {name}", name, absent=True)
+    values = table.measured().column(name)
+    known = values[np.isfinite(values)]
+    if len(known) < len(values):
+        return Missing(f"{name} is unknown in {len(values) - len(known)} rows", name)
+    if len(known) == 0 or float(np.ptp(known)) < smallest_range:
+        return Missing(f"{name} does not vary", f"{name} over a wider range")
+    return None
 
 
 def needs_figure(name: str, what: str) -> Need:
     """Missing where [instrument] does not state a figure of the sensor."""
+    return partial(_unstated, name, what)
 
-    def need(table: Table) -> Missing | None:
-        known = getattr(table.meta.instrument, name) is not None
-        return None if known else Missing(f"{what} not known", f"[instrument] {name}")
 
-    return need
+def _unstated(name: str, what: str, table: Table) -> Missing | None:
+    known = getattr(table.meta.instrument, name) is not None
+    return None if known else Missing(f"{what} not known", f"[instrument] {name}")
 
 
 class Effect:
