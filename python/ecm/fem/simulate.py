@@ -397,10 +397,7 @@ def _check_order(low: tuple[float, ...], high: tuple[float, ...]) -> None:
 
 
 class RandomWrenches:
-    """Uniform wrenches of the box that pass the rod's screen, in a fixed order.
-
-    `drawn` and `screened` count the draws so far, and those of them that passed.
-    """
+    """Uniform wrenches of the box that pass the rod's screen, in a fixed order."""
 
     def __init__(self, mechanism: Mechanism, workspace: Workspace, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 1])
@@ -413,9 +410,6 @@ class RandomWrenches:
         self._pending = np.empty((0, len(self._low)))
         self._serials = np.empty(0, dtype=np.int64)
         self._next_serial = 0
-        self._passed: list[I] = []
-        self.drawn = 0
-        self.screened = 0
 
     def next(self, count: int, promising: Callable[[F], B]) -> tuple[F, I]:
         """Return the next `count` draws that pass, and their serial numbers among all draws."""
@@ -438,10 +432,7 @@ class RandomWrenches:
                     f"none of {blocks_without_case * _DRAW_BLOCK} random wrenches gives a rotation "
                     "within [workspace] rotation_limit_rad: shrink wrench_min and wrench_max"
                 )
-        self._passed.append(np.concatenate(serials))
-        self.drawn = int(self._passed[-1][-1]) + 1
-        self.screened += count
-        return np.concatenate(taken), self._passed[-1]
+        return np.concatenate(taken), np.concatenate(serials)
 
     def _draw(self) -> None:
         """Draw a block; those that pass the rod are pending."""
@@ -455,11 +446,6 @@ class RandomWrenches:
             passed = ~converged | (rotation <= self._limit)
             block, serials = block[passed], serials[passed]
         self._pending, self._serials = block, serials
-
-    def stop_at(self, serial: int) -> None:
-        """Count only draws up to and including this serial number."""
-        self.drawn = serial + 1
-        self.screened = int(sum((s <= serial).sum() for s in self._passed))
 
 
 Progress = Callable[[int, int, str], object] | None
@@ -642,7 +628,7 @@ def simulate(
     cases = LoadCases(mechanism, threads, scheduler, stage)
     parts: list[CaseResults] = []
     counts: Counter[str] = Counter()
-    kept = newton = first = 0
+    kept = newton = first = drawn = 0
     while kept < n:
         # About as many as are still needed: a case depends only on those before its batch.
         wanted = (n - kept) * first // kept if kept > 0 else n
@@ -661,7 +647,7 @@ def simulate(
         counted = np.ones(len(serial), dtype=bool)
         if len(take) == n - kept:  # nothing drawn after the last kept pair counts
             counted = serial <= serial[take[-1]]
-            draws.stop_at(int(serial[take[-1]]))
+        drawn = int(serial[counted][-1]) + 1
         ok, unstable = part["ok"], part["unstable"]
         for name, cases_of in (("solved", ok), ("unstable", unstable), ("failed", ~ok & ~unstable)):
             counts[name] += int((cases_of & counted).sum())
@@ -679,10 +665,11 @@ def simulate(
     cases.close()
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in ARRAYS}
     arrays["iterations"] = arrays["iterations"].astype(np.int64)
+    screened = counts.total()  # whatever passes the screen is solved
     return Simulated(
         **arrays,
-        newton_per_case=newton / counts.total(),
-        counts={"drawn": draws.drawn, "screened": draws.screened, **counts, "kept": kept},
+        newton_per_case=newton / screened,
+        counts={"drawn": drawn, "screened": screened, **counts, "kept": kept},
         mechanism=mechanism,
         status=("solved",) * kept,
     )
