@@ -304,34 +304,28 @@ def _step_s(time: F) -> float:
 
 def repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
     """Return (row, the earlier row that it equals in every column) among good rows."""
-    equal = np.flatnonzero(good & _seen_twice(columns, len(good)))
-    lists = [
-        column[equal].tolist() if name in TEXT else np.nan_to_num(column[equal], nan=-1.0).tolist()
-        for name, column in columns.items()
+    rows = np.flatnonzero(good)
+    total = np.zeros(len(rows))
+    with np.errstate(over="ignore", invalid="ignore"):  # a log may hold numbers of any size
+        for k, (name, column) in enumerate(columns.items(), 1):
+            total += np.sqrt(k) * _as_numbers(name, column[rows])
+    # Equal rows have equal sums, and few others do: only these are compared.
+    _, codes, counts = np.unique(total, return_inverse=True, return_counts=True)
+    again = rows[counts[codes] > 1]
+    cells = (_as_numbers(name, column[again]).tolist() for name, column in columns.items())
+    first_rows: dict[tuple[float, ...], int] = {}
+    pairs = [
+        (row, first_rows.setdefault(own, row))
+        for row, own in zip(again.tolist(), zip(*cells, strict=True), strict=True)
     ]
-    first_rows: dict[tuple[Any, ...], int] = {}
-    repeated: list[tuple[int, int]] = []
-    for row, values in zip(equal.tolist(), zip(*lists, strict=True), strict=True):
-        if first_rows.setdefault(values, row) != row:
-            repeated.append((row, first_rows[values]))
-    return repeated
+    return [(row, first) for row, first in pairs if row != first]
 
 
-def _seen_twice(columns: Columns, size: int) -> B:
-    """(N,) whether another row has the same sum over all columns, as every equal row has."""
-    key = np.zeros(size, dtype=np.uint64)
-    for name, column in columns.items():
-        if name in TEXT:
-            _, codes = np.unique(column.astype(str), return_inverse=True)
-            bits = codes.ravel().astype(np.uint64)
-        else:
-            # One pattern of bits for both zeros, and one for NaN.
-            bits = (np.nan_to_num(column, nan=-1.0) + 0.0).view(np.uint64)
-        # Knuth's odd multiplier, TAOCP 6.4; the shift carries high bits into low ones.
-        key = (key ^ bits) * np.uint64(0x9E3779B97F4A7C15)
-        key ^= key >> np.uint64(29)
-    _, codes, counts = np.unique(key, return_inverse=True, return_counts=True)
-    return np.asarray(counts[codes.ravel()] > 1)
+def _as_numbers(name: str, column: NDArray[Any]) -> F:
+    """(N,) numbers that are equal where cells are: of text its place, and one for empty cells."""
+    if name in TEXT:
+        return np.unique(column.astype(str), return_inverse=True)[1].astype(np.float64)
+    return np.nan_to_num(column, nan=-1.0)
 
 
 def _covariate_warnings(columns: Columns, source: str) -> list[str]:
