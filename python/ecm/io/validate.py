@@ -325,7 +325,7 @@ def _as_numbers(name: str, column: NDArray[Any]) -> F:
     """(N,) numbers that are equal where cells are: of text its place, and one for empty cells."""
     if name in TEXT:
         return np.unique(column.astype(str), return_inverse=True)[1].astype(np.float64)
-    return np.nan_to_num(column, nan=-1.0)
+    return np.asarray(np.nan_to_num(column, nan=-1.0))
 
 
 def _covariate_warnings(columns: Columns, source: str) -> list[str]:

@@ -10,7 +10,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +19,18 @@ from numpy.typing import NDArray
 from ecm.errors import InputError, shown
 from ecm.io.arrays import F
 from ecm.io.columns import is_other_unit
-from ecm.io.csv import RawTable, grouped_names, number_of, read_lines
+from ecm.io.csv import RawTable, grouped_names, read_lines
 from ecm.io.events import Progress, tell_part
 from ecm.io.extras import read_parquet, readable, require
 from ecm.io.settings import OTHER_FILES
 from ecm.logs.log import (
+    DECIMAL_COMMA,
     HEADERS_AGAIN,
     Log,
     Stream,
     join_streams,
     log_of_arrays,
+    number,
     numbers_in_words,
     unique_names,
 )
@@ -39,7 +40,6 @@ _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "rema
 """Names of a last column that has no cells in most rows, as LabVIEW writes it."""
 _THOUSANDS = re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?$")
 _DECIMAL_POINT = re.compile(r"^[+-]?[\d,]*\.\d+([eE][+-]?\d+)?$")
-_DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
 def has_decimal_comma(lines: list[str], separator: str | None, path: Path) -> bool:
@@ -49,7 +49,7 @@ def has_decimal_comma(lines: list[str], separator: str | None, path: Path) -> bo
         for cell in map(str.strip, split(line, separator) if "," in line else ()):
             if _THOUSANDS.match(cell):
                 found = found or cell
-            elif _DECIMAL_COMMA.match(cell):
+            elif DECIMAL_COMMA.match(cell):
                 return True
     if found and any(
         _DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line, separator)
@@ -64,15 +64,6 @@ def has_decimal_comma(lines: list[str], separator: str | None, path: Path) -> bo
 def is_number(cell: str, comma: bool) -> bool:
     """Whether a cell is a number; with `comma` also one with a decimal comma."""
     return not math.isnan(number(cell, comma))
-
-
-def number(cell: str, comma: bool) -> float:
-    """The number of a cell; NaN where it is none."""
-    text = cell.strip().strip('"')
-    if comma and _DECIMAL_COMMA.match(text):
-        text = text.replace(",", ".")
-    found = number_of(text)
-    return math.nan if found is None else found
 
 
 SEPARATORS = {"semicolons": ";", "tabs": "\t", "commas": ",", "bars": "|", "spaces": None}
@@ -285,7 +276,7 @@ def _columns(
         values = np.array([number(str(cell), comma) for cell in cells])
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
-        elif (found := numbers_in_words(cells, partial(number, comma=comma))) is not None:
+        elif (found := numbers_in_words(cells, comma)) is not None:
             columns[name], units[name], epochs[name] = found
         else:
             text[name] = np.array([str(cell).strip().strip('"') for cell in cells], dtype=object)

@@ -10,7 +10,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta, timezone
@@ -181,14 +181,25 @@ def seconds_of_dates(cells: Sequence[Any]) -> tuple[F, float] | None:
     return seconds, 0.0
 
 
-def _number(text: str) -> float:
+DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
+
+
+def number(cell: str, comma: bool) -> float:
+    """The number of a cell, with `comma` also one with a decimal comma; NaN where it is none.
+
+    Examples
+    --------
+    >>> number('"2,5"', comma=True), number("2,5", comma=False)
+    (2.5, nan)
+    """
+    text = cell.strip().strip('"')
+    if comma and DECIMAL_COMMA.match(text):
+        text = text.replace(",", ".")
     found = number_of(text)
     return math.nan if found is None else found
 
 
-def numbers_in_words(
-    cells: Sequence[Any], number: Callable[[str], float] = _number
-) -> tuple[F, str, float] | None:
+def numbers_in_words(cells: Sequence[Any], comma: bool = False) -> tuple[F, str, float] | None:
     """Numbers, unit and epoch of dates, or of cells that end in one unit; None of other cells.
 
     Examples
@@ -201,7 +212,7 @@ def numbers_in_words(
         return dates[0], "s", dates[1]
     parts = [str(cell).strip().strip('"').split(None, 1) for cell in cells]
     units = {part[1] for part in parts if len(part) == 2}
-    values = np.array([number(part[0]) if part else math.nan for part in parts])
+    values = np.array([number(part[0], comma) if part else math.nan for part in parts])
     if len(units) != 1 or not np.isfinite(values).mean() > 0.5 or find_unit(*units) is None:
         return None
     return values, units.pop(), 0.0
