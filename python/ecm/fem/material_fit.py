@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F, central_differences
+from ecm.io.csv import number_of
 from ecm.io.events import Printed, Progress, Steps, tell_part
 from ecm.io.mechanism import MODELS, RUBBER_PA, TESTS, WITH_TERMS, Material
 from ecm.io.settings import did_you_mean, read_text
@@ -69,7 +70,7 @@ def read_test(path: Path, mode: str, *, unit: str = "", order: str = "") -> Mate
     lines = read_text(path, "material test").splitlines()
     cells = [(i, line.replace(",", " ").split()) for i, line in enumerate(lines, start=1)]
     cells = [(i, row) for i, row in cells if row and not row[0].startswith("#")]
-    if cells and _numbers(cells[0][1][:1]) is None:
+    if cells and number_of(cells[0][1][0]) is None:
         header = cells.pop(0)[1]
         stress = [name for name in header if name.startswith("stress_")]
         if len(header) != 2 or "stretch" not in header or not stress:
@@ -88,8 +89,8 @@ def read_test(path: Path, mode: str, *, unit: str = "", order: str = "") -> Mate
         )
     rows = []
     for number, row in cells:
-        values = _numbers(row)
-        if values is None or len(values) != 2:
+        values = [number_of(cell) for cell in row]
+        if None in values or len(values) != 2:
             raise InputError(
                 f"{path}, line {number}: found '{' '.join(row)}', expected two numbers"
             )
@@ -98,13 +99,6 @@ def read_test(path: Path, mode: str, *, unit: str = "", order: str = "") -> Mate
         raise InputError(f"{path}: {len(rows)} rows, expected at least 3")
     table = np.array(rows)[:, :: 1 if order == _ORDERS[0] else -1]
     return MaterialTest(mode, table[:, 0].copy(), table[:, 1] * _STRESS_UNITS[unit], str(path))
-
-
-def _numbers(cells: Sequence[str]) -> list[float] | None:
-    try:
-        return [float(cell) for cell in cells]
-    except ValueError:
-        return None
 
 
 @dataclass(frozen=True, repr=False)
