@@ -85,26 +85,17 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     """
     loaded = (~rows.unloaded).astype(np.float64)
     scaled = _standard(rows.poses) * loaded[:, None]
-    names = rows.base.inputs
-    linear = [(scaled[:, j], name) for j, name in enumerate(names)]
-    squares = [(scaled[:, j] ** 2, f"{name}^2") for j, name in enumerate(names)]
-    mixed = [
-        (scaled[:, i] * scaled[:, j], f"{names[i]}*{names[j]}")
-        for i in range(len(names))
-        for j in range(i)
-    ]
-    named = covariates(rows)
-    own = [(values, name) for name, values in named.items()]
-    own_names = ("time_s", *rows.table.covariates)
-    bent = [(v**2, f"{name}^2") for name, v in named.items() if name in own_names]
-    products = [
-        (scaled[:, j] * values, f"{name}*{names[j]}")
-        for name, values in named.items()
-        for j in range(len(names))
-    ]
-    one = [(np.ones(len(rows)), "constant")]
-    chosen = [*one, *linear, *own, *bent, *products, *squares, *mixed][:most]
-    return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
+    inputs = rows.base.inputs
+    pose = dict(zip(inputs, scaled.T, strict=True))
+    others = covariates(rows)
+    bent = {"time_s", *rows.table.covariates}
+    found = {"constant": np.ones(len(rows))} | pose | others
+    found |= {f"{name}^2": values**2 for name, values in others.items() if name in bent}
+    found |= {f"{a}*{b}": x * y for a, x in others.items() for b, y in pose.items()}
+    found |= {f"{name}^2": values**2 for name, values in pose.items()}
+    found |= {f"{a}*{b}": pose[a] * pose[b] for i, a in enumerate(inputs) for b in inputs[:i]}
+    names = tuple(found)[:most]
+    return np.stack([found[name] for name in names], axis=1), names
 
 
 def in_each_component(whitener: F, values: F) -> F:
