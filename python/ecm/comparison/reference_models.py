@@ -83,16 +83,12 @@ class ReferenceModels:
         """
         if not self.missing or self.outdone:
             return {}
-        levels = [self.physics, self.energy, self.ceiling, self.floor]
-        names = ["symmetric", "asymmetric", "other"]
         falls: dict[str, float] = {}
-        above: float | None = None
-        for level, name in zip(levels, [None, *names], strict=True):
-            if level is None:
-                continue
-            if above is not None and name is not None:
+        above = self.physics
+        for name, level in zip(_FAMILIES, (self.energy, self.ceiling, self.floor), strict=True):
+            if level is not None and above is not None:
                 falls[name] = max(above**2 - level**2, 0.0)
-            above = level if above is None else min(above, level)
+            above = min((one for one in (above, level) if one is not None), default=None)
         total = sum(falls.values())
         return {name: fall / total for name, fall in falls.items()} if total > _NOTHING else {}
 
