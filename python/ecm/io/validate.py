@@ -60,13 +60,11 @@ def validated_columns(
             values = scaling.scale * values + scaling.offset
         _check_range(name, values, errors)
         columns[name] = values
-    rows = np.flatnonzero(_good(columns, errors))
-    _check_rotations(columns, rows, errors, in_own_frames=meta.frames.moves_pose)
+    _check_rotations(columns, errors, in_own_frames=meta.frames.moves_pose)
     if not meta.frames.empty:
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
-        _check_rotations(columns, np.flatnonzero(_good(columns, errors)), errors)
-    rows = np.flatnonzero(_good(columns, errors))
-    _check_positions(columns, rows, meta.length_m, errors)
+        _check_rotations(columns, errors)
+    _check_positions(columns, meta.length_m, errors)
     warnings += _check_time(columns, errors)
     repeated = repeated_rows(columns, _good(columns, errors))
     if "time_s" in columns:
@@ -400,23 +398,21 @@ _FEW_ROWS = 0.1
 """If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 
 
-def _check_positions(
-    columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
-) -> None:
+def _check_positions(columns: Columns, length_m: float | None, errors: RowErrors) -> None:
     """Add positions beyond the size limit to `errors`; InputError if unit or frame seems wrong."""
+    rows = np.flatnonzero(_good(columns, errors))
     limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
     for name in POSE[:3]:
         if name in columns:
             _check_size(name, columns[name], rows, limit_m, errors)
 
 
-def _check_rotations(
-    columns: Mapping[str, F], rows: I, errors: RowErrors, *, in_own_frames: bool = False
-) -> None:
+def _check_rotations(columns: Columns, errors: RowErrors, *, in_own_frames: bool = False) -> None:
     """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong.
 
     In frames of the log half a turn is usual: a robot's tool that points down.
     """
+    rows = np.flatnonzero(_good(columns, errors))
     longest = math.pi + (_ROUNDING if in_own_frames else 0.0)
     for name in POSE[3:]:
         if name in columns:
