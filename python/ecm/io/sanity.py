@@ -381,18 +381,10 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     >>> [found.sentence() for found in suspect_rows(table)]
     ['clipped: fy_N stays at 25 (rows 12-24, 82-94, 152-164, 222-234, 292-304, 362-374)']
     """
-    if not table.continuous:
-        return _of_visits(table.measured())
-    numbers = table.numbers_in_file
-    found: list[SuspectRows] = []
-    names = (*table.pose_columns, *table.wrench_columns)
-    for rows in _runs(table):
-        if len(rows) < _FEWEST:
-            continue
-        channels = {name: table.column(name)[rows] for name in names}
-        for reason, words, own in _of_run(channels, table.column("time_s")[rows]):
-            found.append(SuspectRows(reason, words, tuple(numbers[rows[own]].tolist())))
-    return found
+    rows = table.measured()
+    found = _of_log(rows) if table.continuous else _of_visits(rows)
+    numbers = table.numbers_in_file[table.of_poses]
+    return [SuspectRows(reason, said, tuple(numbers[own].tolist())) for reason, said, own in found]
 
 
 def standing(readings: F, others: F, reach: F) -> list[slice]:
@@ -435,25 +427,27 @@ def _equal(changes: B) -> tuple[I, I]:
     return begins, np.diff(np.append(begins, len(changes) + 1))
 
 
-def _of_visits(rows: Table) -> list[SuspectRows]:
+Found = Iterator[tuple[str, str, I | B | slice]]
+"""Reason, words and index of rows."""
+
+
+def _of_visits(rows: Table) -> Found:
     """What `suspect_rows` finds in static measurements."""
     if not (len(rows) and rows.pose_columns) or {*rows.wrench_columns} <= {*never_excited(rows)}:
-        return []
+        return
     poses, seen = rows.matrix(rows.pose_columns), [rows.matrix(rows.wrench_columns)]
     if rows.has(*POSE[3:], *WRENCH):
         seen.append(turn_wrench(transpose(rotation(rows.matrix(POSE[3:]))), seen[0]))
     words = "the whole wrench stays the same to the last digit while the pose moves on"
     stands = (standing(own, poses, np.ptp(poses, axis=0)) for own in seen)
-    found: list[tuple[str, str, slice | B | I]] = []
-    found += [("stuck", words, part) for part in next(filter(None, stands), [])]
+    yield from (("stuck", words, part) for part in next(filter(None, stands), []))
     loads = {name: rows.column(name) for name in rows.wrench_columns}
-    found += [("clipped", said, end) for said, end in readings_at_an_end(loads)]
-    found += [part for name, load in loads.items() for part in _held(name, load, poses)]
-    numbers = rows.numbers_in_file
-    return [SuspectRows(reason, said, tuple(numbers[own].tolist())) for reason, said, own in found]
+    yield from (("clipped", said, end) for said, end in readings_at_an_end(loads))
+    for name, load in loads.items():
+        yield from _held(name, load, poses)
 
 
-def _held(name: str, load: F, poses: F) -> Iterator[tuple[str, str, I]]:
+def _held(name: str, load: F, poses: F) -> Found:
     """Rows that repeat a load (N,) of a lower rate than the poses (N, k), which move on evenly.
 
     A load that is set stays as long as it is asked to, but then poses move with its steps. That of
@@ -521,8 +515,17 @@ def _runs(table: Table) -> Iterator[I]:
         yield np.flatnonzero(table.of_poses & (run == number))
 
 
-def _of_run(channels: Mapping[str, F], time: F) -> Iterator[tuple[str, str, I]]:
-    """Reason, words and index of the rows of one run."""
+def _of_log(rows: Table) -> Found:
+    """What `suspect_rows` finds in each run of a continuous log."""
+    names = (*rows.pose_columns, *rows.wrench_columns)
+    for run in _runs(rows):
+        if len(run) >= _FEWEST:
+            channels = {name: rows.column(name)[run] for name in names}
+            for reason, words, own in _of_run(channels, rows.column("time_s")[run]):
+                yield reason, words, run[own]
+
+
+def _of_run(channels: Mapping[str, F], time: F) -> Found:
     repeated = np.flatnonzero(np.diff(time) == 0.0) + 1
     if len(repeated):
         yield "repeated_time", f"{len(repeated)} time stamps of the row before", repeated
@@ -595,7 +598,7 @@ def _ranks(values: F) -> F:
     return np.asarray(np.argsort(np.argsort(values)), dtype=np.float64)
 
 
-def _stays(name: str, values: F, channels: Mapping[str, F]) -> Iterator[tuple[str, str, I]]:
+def _stays(name: str, values: F, channels: Mapping[str, F]) -> Found:
     """Plateaus at an end of the range, and long stays elsewhere while another channel moves."""
     begins, lengths = _equal(np.diff(values) != 0.0)
     if len(begins) < 3:
