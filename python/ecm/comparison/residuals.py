@@ -154,6 +154,12 @@ _DEGREE = 3
 """Degree of the polynomial in one variable."""
 
 
+def chebyshev(values: F, most: int) -> F:
+    """(N, most + 1) Chebyshev polynomials of values over their range."""
+    scaled = 2.0 * (values - values.min()) / max(float(np.ptp(values)), 1e-300) - 1.0
+    return np.asarray(np.polynomial.chebyshev.chebvander(scaled, most))
+
+
 def dependence_variables(rows: Rows) -> dict[str, F]:
     """Return (N,) values by name with unit: pose, bend, loads, order, covariates, approach side."""
     table = rows.table
@@ -187,8 +193,7 @@ def dependence_shares(
         degree = min(_DEGREE, distinct - 1)
         if n < 4 * (degree + 1) or not degree:
             continue
-        x = 2.0 * (values - values.min()) / float(np.ptp(values)) - 1.0
-        basis = orthonormal(np.polynomial.chebyshev.chebvander(x, degree))
+        basis = orthonormal(chebyshev(values, degree))
         explained = ((basis.T @ whitened) ** 2).sum(axis=0)
         total = (whitened**2).sum(axis=0)
         # Each column explains its part of the rest by chance.

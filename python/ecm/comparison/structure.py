@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtrc
 
-from ecm.comparison.residuals import KNOWN, features, in_each_component, second_degree
+from ecm.comparison.residuals import KNOWN, chebyshev, features, in_each_component, second_degree
 from ecm.io.arrays import B, F, I, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
@@ -155,13 +155,7 @@ def _higher_degrees(rows: Rows, most: int) -> F:
     """Return (N, q) polynomials above the quadratic in each coordinate, up to degree `most`."""
     poses = rows.poses
     moved = [pose for pose in poses.T if np.ptp(pose) > 0.0]
-    return np.hstack([np.zeros((len(poses), 0)), *(_chebyshev(p, most)[:, 3:] for p in moved)])
-
-
-def _chebyshev(values: F, most: int) -> F:
-    """(N, most + 1) Chebyshev polynomials of values over their range."""
-    scaled = 2.0 * (values - values.min()) / max(float(np.ptp(values)), 1e-300) - 1.0
-    return np.asarray(np.polynomial.chebyshev.chebvander(scaled, most))
+    return np.hstack([np.zeros((len(poses), 0)), *(chebyshev(p, most)[:, 3:] for p in moved)])
 
 
 def _changes(rows: Rows, names: Sequence[str], rest: float) -> F:
@@ -190,7 +184,7 @@ def _motion(rows: Rows) -> F:
         way = np.sign(velocity)
         columns += [velocity / velocity.std(), way]
         if few:
-            columns += list(way * _chebyshev(rows.poses[:, j], 4)[:, 1:].T)
+            columns += list(way * chebyshev(rows.poses[:, j], 4)[:, 1:].T)
     return np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
 
 

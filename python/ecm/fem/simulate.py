@@ -344,8 +344,7 @@ class Workspace(Checked):
     screen_margin: float = setting(1.2, above=0.0)
     """FEM solves a draw where the rod predicts a rotation below the limit times this."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
         if self.wrench_min is not None and self.wrench_max is not None:
             _check_order(self.wrench_min, self.wrench_max)
 
