@@ -150,7 +150,7 @@ def _write_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[st
     plain = {k: v for k, v in table.items() if not _is_section(v, path) and v is not None}
     if path and (plain or not table):
         lines.append(f"\n[{'.'.join(_key(part) for part in path)}]")
-    lines.extend(f"{_key(key)} = {_value(value)}" for key, value in plain.items())
+    lines.extend(f"{_key(key)} = {toml_value(value)}" for key, value in plain.items())
     for key, value in table.items():
         if _is_section(value, path):
             _write_table(value, (*path, str(key)), lines)
@@ -167,13 +167,19 @@ def _key(key: object) -> str:
     return text if bare else json.dumps(text, ensure_ascii=False)
 
 
-def _value(value: Any) -> str:
-    """Return the TOML text of a value; scalars but floats are written as in JSON."""
+def toml_value(value: Any) -> str:
+    """Return the TOML text of a value; scalars but floats are written as in JSON.
+
+    Examples
+    --------
+    >>> toml_value({"column": "y_m", "scale": -1.0})
+    '{ column = "y_m", scale = -1.0 }'
+    """
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items() if v is not None)
-        return f"{{ {inside} }}" if inside else "{}"
+        pairs = [f"{_key(k)} = {toml_value(v)}" for k, v in value.items() if v is not None]
+        return f"{{ {', '.join(pairs)} }}" if pairs else "{}"
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_value(item) for item in value)}]"
+        return f"[{', '.join(toml_value(item) for item in value)}]"
     if isinstance(value, float):
         return repr(float(value))  # nan and inf are words of TOML, too
     return json.dumps(value if isinstance(value, int) else str(value), ensure_ascii=False)

@@ -28,7 +28,7 @@ from ecm.io.columns import (
 from ecm.io.csv import Cells, RawTable, RowError, RowErrors, number_of
 from ecm.io.description import ColumnSource, Meta, Scene
 from ecm.io.se3 import to_base
-from ecm.io.settings import IMPORT, did_you_mean
+from ecm.io.settings import IMPORT, did_you_mean, toml_value
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
@@ -607,10 +607,8 @@ def _said(own: Any, other: Any) -> str:
     """A value as TOML says it; of several only those that differ."""
     if isinstance(own, Mapping):
         differing = {key: value for key, value in own.items() if value != other.get(key)}
-        return ", ".join(f"{key} = {_said(value, None)}" for key, value in differing.items()) or "-"
-    if isinstance(own, (tuple, list)):
-        return f"[{', '.join(_said(item, None) for item in own)}]"
-    return f'"{own}"' if isinstance(own, str) else str(own)
+        return ", ".join(f"{key} = {toml_value(v)}" for key, v in differing.items()) or "-"
+    return toml_value(own)
 
 
 def _run_conditions(own: Meta, common: Meta, number: int) -> dict[str, Any]:
