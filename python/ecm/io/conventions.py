@@ -23,8 +23,9 @@ from ecm._native import EnergyEvaluator, left_jacobians, rotation_matrices, rota
 from ecm.errors import EcmError, InputError, Remedy
 from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH, factor_of
-from ecm.io.description import ColumnSource
+from ecm.io.description import ColumnSource, changed
 from ecm.io.se3 import ORDERS, read_in_other_order, rotate, rotation, transpose, turn_wrench
+from ecm.io.settings import toml_value
 from ecm.io.table import Table
 
 Change = Callable[[F, F], tuple[F, F]]
@@ -659,14 +660,9 @@ def entries_of(table: Table, columns: Columns) -> tuple[str, ...]:
         # Where the description turns the frames, its columns are not those of the table.
         if sources is None or not table.has(stated):
             continue
-        source = sources.get(stated, ColumnSource(stated))
-        own = f'"{source.column}"' if isinstance(source.column, str) else source.column
-        parts = [f"column = {own}"]
-        if factor * source.scale != 1.0:
-            parts.append(f"scale = {factor * source.scale!r}")
-        if source.offset:
-            parts.append(f"offset = {factor * source.offset!r}")
-        entries.append(f"{name} = {{ {', '.join(parts)} }}")
+        own = sources.get(stated, ColumnSource(stated))
+        meant = replace(own, scale=factor * own.scale, offset=factor * own.offset)
+        entries.append(f"{name} = {toml_value(changed(meant))}")
     return tuple(entries)
 
 

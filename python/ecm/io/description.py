@@ -420,17 +420,17 @@ class Meta:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the TOML document."""
-        columns: dict[str, Any] = {name: _changed(own) for name, own in self.columns.items()}
+        columns: dict[str, Any] = {name: changed(own) for name, own in self.columns.items()}
         if self.group:
             columns["group"] = list(self.group)
         document: dict[str, Any] = {
-            "file": _changed(self.file),
+            "file": changed(self.file),
             "columns": columns,
             "mechanism": dict(self.mechanism),
-            "instrument": _changed(self.instrument),
-            "scene": _changed(self.scene),
+            "instrument": changed(self.instrument),
+            "scene": changed(self.scene),
             "run": {str(run): dict(values) for run, values in self.runs.items()},
-            "frames": _changed(self.frames),
+            "frames": changed(self.frames),
             "leave_out": dict(self.leave_out),
             "import": dict(self.origin),
         }
@@ -580,7 +580,7 @@ def _origin(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     return dict(table)
 
 
-def _changed(section: Any) -> dict[str, Any]:
+def changed(section: Any) -> dict[str, Any]:
     """Return the fields that differ from their defaults, tuples as lists."""
     return {
         item.name: list(value) if isinstance(value, tuple) else value
