@@ -110,11 +110,11 @@ def unstated_length(table: Table) -> str:
 
 EPOCH_S = 1e8
 """Larger times count from an epoch, such as 1970, and not from the start of a run."""
-_TIME_UNITS = {"minutes": 60.0, "hours": 3600.0}
 _LATE = 20.0
 """A campaign begins at 0: later than so many times its range time_s counts from elsewhere."""
-_MS = 500.0
-"""Readings that follow each other so many times slower than they rest are stated in ms."""
+_TIME_UNITS = {"milliseconds": 500.0, "": 0.9, "minutes": 0.9 / 60.0, "hours": 0.9 / 3600.0}
+"""Steps of time over the rests before readings, from which times look stated in a unit: no step is
+shorter than its rest. Empty: in s, as they should be."""
 
 
 def clock_s(time: F) -> float:
@@ -149,8 +149,7 @@ def time_unit(table: Table) -> str:
     if int(known.sum()) < 8:
         return ""
     share = float(np.median(steps[known] / rests[known]))
-    meant = next((unit for unit, factor in _TIME_UNITS.items() if factor * share >= 0.9), "")
-    meant = "milliseconds" if share >= _MS else meant if share < 0.9 else ""
+    meant = next((unit for unit, least in _TIME_UNITS.items() if share >= least), "")
     if not meant:
         return ""
     return (
