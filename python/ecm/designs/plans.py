@@ -116,6 +116,10 @@ class _Visit:
         return {"measure": "pose", "unload": "unloaded"}.get(self.action, "home")
 
 
+_FIRST = (_Visit("unload"), _Visit("home"))
+"""What a run begins with, and goes on with after a change of the set-up."""
+
+
 def _plan(
     of: Table, columns: dict[str, Any], pose_ids: ArrayLike, visits: Sequence[_Visit], run: float
 ) -> Table:
@@ -334,7 +338,7 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     poses = rows[:, :6]
     visits: list[_Visit] = []
     for run, recipe in enumerate(recipe for recipe in RECIPES if recipe in driven):
-        own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
+        own = [*_FIRST, *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
     return _of_poses(data, rows, ids, _relative_remounts(visits))
@@ -427,7 +431,7 @@ def _conditioning(poses: F, ids: I) -> list[_Visit]:
 
 def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
     ten = _measure(_spread_out(poses, 10))
-    return [*ten, _Visit("warm_up:60"), _Visit("unload"), _Visit("home"), *ten]
+    return [*ten, _Visit("warm_up:60"), *_FIRST, *ten]
 
 
 def _zeros(poses: F, ids: I) -> list[_Visit]:
@@ -446,10 +450,8 @@ def _homes(poses: F, ids: I) -> list[_Visit]:
 
 
 def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
-    return lambda poses, ids: [
-        _Visit(f"remount:{degrees}"), _Visit("unload"), _Visit("home"),
-        *_measure(_spread_out(poses, 20)),
-    ]  # fmt: skip
+    remount = _Visit(f"remount:{degrees}")
+    return lambda poses, ids: [remount, *_FIRST, *_measure(_spread_out(poses, 20))]
 
 
 def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
@@ -467,8 +469,7 @@ def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
 
 
 def _without_payload(poses: F, ids: I) -> list[_Visit]:
-    after = _measure(_spread_out(poses, 15))
-    return [_Visit("remove_payload"), _Visit("unload"), _Visit("home"), *after]
+    return [_Visit("remove_payload"), *_FIRST, *_measure(_spread_out(poses, 15))]
 
 
 def _dead_weights(poses: F, ids: I) -> list[_Visit]:
