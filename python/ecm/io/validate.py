@@ -649,17 +649,14 @@ def _new_pose_ids(current: Columns, earlier: F) -> F:
 
 def _reuses_pose_ids(current: Columns, earlier: Columns) -> bool:
     """Whether an id stands for another pose than in an earlier table."""
-    for name in POSE:
-        if name not in current:
-            continue
+    ids, place, count = np.unique(earlier["pose_id"], return_inverse=True, return_counts=True)
+    again = np.isin(current["pose_id"], ids)
+    at = np.searchsorted(ids, current["pose_id"][again])
+    for name in (name for name in POSE if name in current):
         limit = _SAME_POSITION_M if name in POSE[:3] else _SAME_ROTATION_RAD
-        means = {
-            number: float(np.mean(earlier[name][earlier["pose_id"] == number]))
-            for number in np.unique(earlier["pose_id"])
-        }
-        for number, value in zip(current["pose_id"], current[name], strict=True):
-            if number in means and abs(value - means[number]) > limit:
-                return True
+        means = np.bincount(place, earlier[name]) / count
+        if (np.abs(current[name][again] - means[at]) > limit).any():
+            return True
     return False
 
 
