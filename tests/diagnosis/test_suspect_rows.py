@@ -246,13 +246,3 @@ def test_whole_turns_are_of_one_run_and_numbered_as_in_the_file(tmp_path: Path) 
         '[file]\nkind = "continuous"\n[leave_out]\nstart_up = "1-20"\n', encoding="utf-8"
     )
     assert "at row(s) 301:" in str(ecm.check(path))
-
-
-def test_rows_at_an_end_of_a_range_are_numbered_as_in_the_file() -> None:
-    """Home checks before them count."""
-    y = np.random.default_rng(0).uniform(-0.01, 0.01, 60)
-    force = np.minimum(3000.0 * y, 15.0)
-    kind = np.array(["home"] * 5 + ["pose"] * 55, dtype=object)
-    (clipped,) = suspect_rows(ecm.Table({"y_m": y, "fy_N": force, "kind": kind}))
-    at_end = np.flatnonzero((force == 15.0) & (kind == "pose")) + 1
-    assert clipped.rows == tuple(at_end.tolist())

@@ -427,15 +427,6 @@ def test_the_kind_that_differs_is_told_with_the_line_that_mends_it(tmp_path: Pat
                             "below [file].")  # fmt: skip
 
 
-def test_the_law_of_the_material_that_differs_is_told(tmp_path: Path) -> None:
-    for name, modulus in (("a", 1e5), ("b", 2e5)):
-        material = {"model": "mooney_rivlin", "c10_Pa": modulus, "c01_Pa": 5e4}
-        meta = {"mechanism": {"length_m": 0.1, "material": material}}
-        as_table({"y_m": [0.0], "fy_N": [1.0]}, meta=meta).write(tmp_path / f"{name}.csv")
-    message = refusal([tmp_path / "a.csv", tmp_path / "b.csv"])
-    assert 'is material = { model = "mooney_rivlin", c10_Pa = 200000.0, c01_Pa = 5' in message
-
-
 def test_a_mesh_is_the_same_whatever_folder_names_it(tmp_path: Path) -> None:
     """Catches a second campaign, written to a folder of its own, that is refused for its path."""
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 1.0]}

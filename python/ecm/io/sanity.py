@@ -379,6 +379,14 @@ def suspect_rows(table: Table) -> list[SuspectRows]:
     >>> table = Table(log, meta={"file": {"kind": "continuous"}})
     >>> [found.sentence() for found in suspect_rows(table)]
     ['clipped: fy_N stays at 25 (rows 12-24, 82-94, 152-164, 222-234, 292-304, 362-374)']
+
+    Rows that measure no pose count as well:
+
+    >>> way = np.arange(24.0)
+    >>> kinds = ["home"] * 4 + ["pose"] * 20
+    >>> visits = {"kind": kinds, "y_m": 1e-3 * way, "fy_N": np.minimum(way, 15.0)}
+    >>> [found.rows for found in suspect_rows(Table(visits))]
+    [(16, 17, 18, 19, 20, 21, 22, 23, 24)]
     """
     rows = table.measured()
     found = _of_log(rows) if table.continuous else _of_visits(rows)

@@ -604,7 +604,13 @@ def _line(name: str, own: Any, common: Any) -> str:
 
 
 def _said(own: Any, other: Any) -> str:
-    """A value as TOML says it; of several only those that differ."""
+    """A value as TOML says it; of several only those that differ.
+
+    Examples
+    --------
+    >>> _said({"length_m": 0.1, "material": {"model": "yeoh"}}, {"length_m": 0.1})
+    'material = { model = "yeoh" }'
+    """
     if isinstance(own, Mapping):
         differing = {key: value for key, value in own.items() if value != other.get(key)}
         return ", ".join(f"{key} = {toml_value(v)}" for key, v in differing.items()) or "-"
