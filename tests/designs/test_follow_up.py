@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,8 @@ from ecm.regression.folds import is_zero
 from ecm.regression.noise import declared_noise
 from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, physics
-from support.neck import Command
+from support.meshes import block_mesh
+from support.neck import Command, saved
 from support.stand_in import StandIn
 
 GRAVITY = Scene().gravity_m_s2
@@ -44,6 +46,17 @@ def test_a_verdict_on_one_axis_stands_without_a_plan(tmp_path: Path, ecm_command
     assert f"{plan}: not written, a plan drives all six coordinates" in done.out
     assert json.loads(found.read_text(encoding="utf-8"))["verdict"] == "ambiguous"
     assert not plan.exists()
+
+
+def test_home_is_at_the_length_of_the_mesh_where_none_is_stated(tmp_path: Path) -> None:
+    saved(tmp_path / "block.msh", block_mesh())  # 0.1 m long; the poses are not around its end
+    first = campaign(seed=2)
+    mesh = replace(
+        first.meta, mechanism={"mesh": "block.msh"}, source=str(tmp_path / "measured.csv")
+    )
+    plan = follow_up_plan(replace(first, meta=mesh), DRIVEN[0])
+    home = plan.select(np.flatnonzero(plan.text("action") == "home"))
+    np.testing.assert_allclose(home.column("x_m"), 0.1, rtol=1e-6)
 
 
 @pytest.mark.parametrize("experiment", DRIVEN)

@@ -276,7 +276,7 @@ def _of_candidates(candidates: Table, visits: Sequence[_Visit]) -> Table:
     taken = rows
     if not measured.all():
         rest = np.zeros(6)
-        rest[0] = candidates.meta.mechanism.get("length_m", np.median(candidates.poses[:, 0]))
+        rest[0] = _rest_x_m(candidates, candidates.poses[:, 0])
         size = np.ptp(candidates.poses, axis=0)
         away = (candidates.poses - rest) / np.where(size > 0.0, size, 1.0)
         taken = np.where(measured, rows, (away**2).sum(axis=1).argmin())
@@ -529,10 +529,16 @@ def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
     return pose_ids
 
 
+def _rest_x_m(table: Table, x_m: F) -> float:
+    """The length of the mechanism, at the end of which it rests; else the middle of the poses."""
+    length = table.meta.length_m
+    return float(np.median(x_m)) if length is None else length
+
+
 def _of_poses(data: Table, rows: F, ids: I, visits: list[_Visit]) -> Table:
     """Table of a plan of distinct poses and inputs of the data, its run after theirs."""
     home = np.zeros(rows.shape[1])
-    home[0] = data.meta.mechanism.get("length_m", float(np.median(rows[:, 0])))
+    home[0] = _rest_x_m(data, rows[:, 0])
     at = np.stack([home if v.pose < 0 else home + v.share * (rows[v.pose] - home) for v in visits])
     names = (*POSE, *data.actuation_columns)
     run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0

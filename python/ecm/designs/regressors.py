@@ -464,7 +464,7 @@ def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None)
 
 def _needed(base: NominalModel | None, what: str) -> NominalModel:
     if base is None:
-        raise InputError(f"a design for {what} needs a nominal base: see nominal_base")
+        raise InputError(f"a design for {what} needs a nominal base: see nominal_model")
     return base
 
 

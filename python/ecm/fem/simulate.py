@@ -22,6 +22,7 @@ import math
 import tempfile
 from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -628,40 +629,44 @@ def simulate(
     parts: list[CaseResults] = []
     counts: Counter[str] = Counter()
     kept = newton = first = drawn = 0
-    while kept < n:
-        # About as many as are still needed: a case depends only on those before its batch.
-        wanted = (n - kept) * first // kept if kept > 0 else n
-        count = min(batch_size(first), max(wanted, _SMALLEST_BATCH))
-        wrenches, serial = draws.next(count, partial(_promising, cases, first, workspace))
+    with closing(cases):  # also where it ends early: no task stays with the workers
+        while kept < n:
+            # About as many as are still needed: a case depends only on those before its batch.
+            wanted = (n - kept) * first // kept if kept > 0 else n
+            count = min(batch_size(first), max(wanted, _SMALLEST_BATCH))
+            wrenches, serial = draws.next(count, partial(_promising, cases, first, workspace))
 
-        # As many of these cases are kept as of those before.
-        def report(done: int, _: int, before: int = kept, cases: int = first) -> None:
+            # As many of these cases are kept as of those before.
+            def report(done: int, _: int, before: int = kept, cases: int = first) -> None:
+                if progress is not None:
+                    share = (before + 1) / (cases + 1)
+                    progress(min(n, before + int(share * done)), n, "solving")
+
+            part = cases.solve(first, wrenches, None if progress is None else report)
+            first += len(wrenches)
+            take = np.flatnonzero(_admissible(part, workspace))[: n - kept]
+            counted = np.ones(len(serial), dtype=bool)
+            if len(take) == n - kept:  # nothing drawn after the last kept pair counts
+                counted = serial <= serial[take[-1]]
+            drawn = int(serial[counted][-1]) + 1
+            ok, unstable = part["ok"], part["unstable"]
+            for name, cases_of in (
+                ("solved", ok),
+                ("unstable", unstable),
+                ("failed", ~ok & ~unstable),
+            ):
+                counts[name] += int((cases_of & counted).sum())
+            newton += int(part["iterations"][counted].sum())
+            parts.append({name: part[name][take] for name in ARRAYS})
+            kept += len(take)
             if progress is not None:
-                share = (before + 1) / (cases + 1)
-                progress(min(n, before + int(share * done)), n, "solving")
-
-        part = cases.solve(first, wrenches, None if progress is None else report)
-        first += len(wrenches)
-        take = np.flatnonzero(_admissible(part, workspace))[: n - kept]
-        counted = np.ones(len(serial), dtype=bool)
-        if len(take) == n - kept:  # nothing drawn after the last kept pair counts
-            counted = serial <= serial[take[-1]]
-        drawn = int(serial[counted][-1]) + 1
-        ok, unstable = part["ok"], part["unstable"]
-        for name, cases_of in (("solved", ok), ("unstable", unstable), ("failed", ~ok & ~unstable)):
-            counts[name] += int((cases_of & counted).sum())
-        newton += int(part["iterations"][counted].sum())
-        parts.append({name: part[name][take] for name in ARRAYS})
-        kept += len(take)
-        if progress is not None:
-            progress(kept, n, "solved")
-        if first >= _CASES_WITHOUT_PAIR and kept == 0:
-            raise ComputationError(
-                f"none of {first} FEM poses is admissible (|theta| <= "
-                f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
-                "widen the [workspace] limits or shrink the wrench box"
-            )
-    cases.close()
+                progress(kept, n, "solved")
+            if first >= _CASES_WITHOUT_PAIR and kept == 0:
+                raise ComputationError(
+                    f"none of {first} FEM poses is admissible (|theta| <= "
+                    f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
+                    "widen the [workspace] limits or shrink the wrench box"
+                )
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in ARRAYS}
     arrays["iterations"] = arrays["iterations"].astype(np.int64)
     screened = counts.total()  # whatever passes the screen is solved
