@@ -254,6 +254,26 @@ def test_a_stage_in_a_plane_has_two_axes_and_microradians() -> None:
     assert np.allclose(table["z_m"], [1e-6, 0.0])
 
 
+def test_turns_are_found_behind_the_name_of_what_was_tracked() -> None:
+    """A camera's cam_rz_deg beside cam_x_mm, a motion capture's Pad qx: no columns of one's own."""
+    load = {"FP Fx (N)": [0.0, 1.0]}
+    camera = {"cam_x_mm": [0.0, 1.0], "cam_y_mm": [1.0, 0.0], "cam_rz_deg": [0.0, 90.0]}
+    table = import_log(camera | load).table
+    assert np.allclose(table["theta_z_rad"], [0.0, np.pi / 2.0])
+    half = np.sqrt(0.5)
+    pad = {"Pad X (mm)": [0.0, 1.0], "Pad Y (mm)": [1.0, 0.0], "Pad Z (mm)": [2.0, 0.0]}
+    turn = {"Pad qx": [0.0, half], "Pad qy": [0.0, 0.0], "Pad qz": [0.0, 0.0]}
+    turn |= {"Pad qw": [1.0, half]}
+    table = import_log(pad | turn | load).table
+    assert np.allclose(table["theta_x_rad"], [0.0, np.pi / 2.0])
+    # Four numbers of that kind whose squares do not sum to 1 are something else.
+    other = {name: [2.0 * value for value in values] for name, values in turn.items()}
+    assert "theta_x_rad" not in import_log(pad | other | load).table
+    three = {f"cam r{axis} [deg]": [0.0, 1.0] for axis in "xyz"}
+    with pytest.raises(ecm.InputError, match="--rotation rotvec or --rotation xyz"):
+        import_log(pad | three | load)
+
+
 def test_map_axis_and_units_by_one_word() -> None:
     log = {"angle": [0.0, 90.0, 359.0], "Load": [0.0, 1.0, 2.0], "humidity": [3.0, 4.0, 5.0]}
     imported = import_log(log, columns={"tau_z_Nm": "Load:gf cm"}, units=["deg"], axis="z")

@@ -331,33 +331,54 @@ def _read_names(log: Log) -> dict[str, Named]:
     return named
 
 
-_IN_THREES = ("position", "force", "torque")
+_ALIKE = ("position", "force", "torque", "rotation", "quaternion")
 
 
 def _name_threes(log: Log, named: dict[str, Named]) -> None:
     """Whatever they are called, the only x, y and z in a unit of length are the position.
 
-    So are those of a force, and of a torque; where there are no three, the only two, as of a stage
-    in a plane.
+    So are those of a force, of a torque and of an angle; where there are no three, the only two,
+    as of a stage in a plane, or the one with a word of the quantity: cam_rz in degrees. Four
+    numbers w, x, y and z whose squares sum to 1 are a quaternion.
     """
-    for quantity in _IN_THREES:
-        dimension = QUANTITIES[quantity].dimension
-        if any(guess.dimension == dimension for own in named.values() for guess in own.guesses):
+    for quantity in _ALIKE:
+        dimension, words_of_it, _, standard, *_ = QUANTITIES[quantity]
+        guesses = [guess for own in named.values() for guess in own.guesses]
+        known = standard or POSE[3:]  # of a quaternion
+        if any(guess.dimension == dimension or guess.part in known for guess in guesses):
             continue
+        whole_turn = quantity == "quaternion"
+        letters = ("w", *_AXES) if whole_turn else _AXES
+        units = {n: own.unit for n, own in named.items() if not own.unit and not is_no_reading(n)}
+        if not whole_turn:
+            units = {n: unit for n in named if (unit := _stated(n, named[n], dimension))}
         threes: dict[tuple[str, ...], dict[str, str]] = {}
-        units = {n: unit for n in log.columns if (unit := _stated(n, named[n], dimension))}
+        telling = set()
         for name in units:
             words = words_of(name)
             # FX of a cell called LC is x of LC F: what else the names hold is alike.
             for place, word in enumerate(words):
-                rest = (*words[:place], word[:-1], *words[place + 1 :])
-                if word[-1] in _AXES:
-                    threes.setdefault(tuple(filter(None, rest)), {})[word[-1]] = name
+                rest = tuple(filter(None, (*words[:place], word[:-1], *words[place + 1 :])))
+                if word[-1] in letters:
+                    threes.setdefault(rest, {})[word[-1]] = name
+                    telling |= {rest} if word[:-1] in words_of_it.split() else set()
+        if whole_turn:
+            threes = {rest: own for rest, own in threes.items() if _is_unit(log, own.values())}
         most = max(map(len, threes.values()), default=0)
-        whole = [own for own in threes.values() if len(own) == most]
-        if most > 1 and len(whole) == 1:  # one axis alone says little
-            for axis, name in whole[0].items():
+        whole = {rest: own for rest, own in threes.items() if len(own) == most}
+        # One axis alone says little, but for a word of the quantity beside it.
+        if len(whole) == 1 and (most > 1 or telling & whole.keys()):
+            for axis, name in next(iter(whole.values())).items():
                 named[name] = Named((Guess(quantity, axis),), units[name])
+
+
+def _is_unit(log: Log, names: Collection[str]) -> bool:
+    """Whether four columns are a unit quaternion, to the digits of a log."""
+    squares = sum(log.columns[name] ** 2 for name in names)
+    return len(names) == len(_AXES) + 1 and bool(np.all(np.abs(squares - 1.0) < _UNIT))
+
+
+_UNIT = 0.01
 
 
 def _stated(name: str, own: Named, dimension: str) -> Unit | None:
