@@ -90,3 +90,14 @@ def test_options_have_names_and_shapes() -> None:
     lost[7, 1] = np.nan
     with pytest.raises(InputError, match=r"X, y: 1 bad place:\s+row 7, column 'y_m'"):
         estimator.fit(lost, Y)
+
+
+def test_of_a_few_poses_an_energy_is_chosen_and_no_command_refuses_what_it_prints() -> None:
+    """Six poses carry no linear model of six coordinates, but an energy, which needs the length."""
+    columns = columns_of(X[:6], Y[:6])
+    stated = Table(columns, Meta(mechanism={"length_m": L}), "six")
+    assert choose_model(stated).best.name.startswith("energy")
+    for model in ("linear", "energy4", "choose"):
+        with pytest.raises(InputError, match="length_m in the data's TOML") as refused:
+            fit_model(Table(columns, Meta(), "six"), model)
+        assert "choose" not in str(refused.value)

@@ -22,7 +22,7 @@ from ecm.models.evaluation import error_of_report, on_what_is_measured
 from ecm.models.expression import FunctionModel
 from ecm.models.fit import constrained, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
-from ecm.models.maps import CHOOSE, ModelSpecification, Weights
+from ecm.models.maps import CHOOSE, ModelSpecification, Weights, way_of_few_rows
 from ecm.models.measured_poses import sample_of
 from ecm.models.model import Model
 from ecm.models.parameters import parameters_of
@@ -118,8 +118,7 @@ def fit_model(  # noqa: PLR0913 - a choice each, all with a default
     try:
         fitted = fit_rows(table, specification, weights, progress)
     except ModelError as unfit:  # more coefficients than equations, or columns that never vary
-        way = CHOOSE if len(table) > 1 else None  # a single row leaves nothing to choose by
-        raise InputError(f"{table.source}: {unfit}", remedy=way) from None
+        raise InputError(f"{table.source}: {unfit}", remedy=way_of_few_rows(table)) from None
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     part = on_what_is_measured(fitted, table)

@@ -708,13 +708,29 @@ CHOOSE = Remedy("let held-out rows choose the model", "ecm fit DATA --model choo
 """The way out where a model does not fit the rows or the columns of a table."""
 
 
+def way_of_few_rows(table: Table) -> Remedy | None:
+    """What rows leave that are too few for a model; None where only more rows help.
+
+    Held-out rows choose where a linear model can be fitted without one of them. Fewer still carry
+    an energy, which needs the length.
+    """
+    measured = table.measured()
+    if len(measured) > len((*table.pose_columns, *table.actuation_columns)) + 1:
+        return CHOOSE
+    if len(measured) < 2 or not table.has(*POSE, *WRENCH):
+        return None  # a single row leaves nothing to choose by
+    if table.meta.length_m is not None:
+        return CHOOSE
+    return Remedy("state [mechanism] length_m in the data's TOML: an energy needs fewer poses")
+
+
 def length_of(table: Table, name: str) -> float:
     """Length of the mechanism, m; InputError where the table does not state it."""
     if table.meta.length_m is None:
         raise InputError(
             f"{table.source}: {name} needs the mechanism's length; "
             "give [mechanism] length_m in the data's TOML",
-            remedy=CHOOSE,
+            remedy=way_of_few_rows(table),
         )
     return float(table.meta.length_m)
 

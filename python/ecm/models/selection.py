@@ -26,7 +26,13 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_base, polynomial
-from ecm.models.maps import ModelSpecification, PolynomialMap, StiffnessMap
+from ecm.models.maps import (
+    CHOOSE,
+    ModelSpecification,
+    PolynomialMap,
+    StiffnessMap,
+    way_of_few_rows,
+)
 from ecm.models.partial import measured_part
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
@@ -325,7 +331,7 @@ def choose_model(
         raise InputError("choose_model: no candidates; give at least one model name")
     measured = table.measured()
     fold = random_folds(measured, groups_to_hold_out(measured), folds, seed)
-    whitener = _whitener(measured)
+    whitener = _whitener(measured, listed)
     error, spread, sizes = [], [], []
     parts = int(fold.max()) + 1
     for place, candidate in enumerate(listed):
@@ -346,10 +352,7 @@ def choose_model(
         error.append(np.sqrt(mean))
         spread.append(_standard_error(squares))
     if not np.isfinite(error).any():
-        raise InputError(
-            f"{table.source}: {len(measured)} rows are too few for every candidate; "
-            "measure more poses or name smaller models"
-        )
+        raise _too_few(measured)
     best = int(np.argmin(error))
     within = np.asarray(error) <= error[best] + spread[best]
     order = [i for i in np.argsort(sizes, kind="stable") if within[i]]
@@ -482,7 +485,7 @@ def learning_curve(
     groups = groups_to_hold_out(measured)
     count = int(groups.max()) + 1
     tests = max(1, round(_TESTED * count))
-    whitener = _whitener(measured)
+    whitener = _whitener(measured, [specification])
     usable = [n for n in sizes if n <= count - tests]
     if not usable:
         raise InputError(
@@ -532,7 +535,7 @@ def _over(table: Table) -> str:
     return "noise" if table.has(*POSE, *WRENCH) else "spread"
 
 
-def _whitener(table: Table) -> F:
+def _whitener(table: Table, models: Sequence[ModelSpecification]) -> F:
     """(N, m, m) from the table's stated noise, the stiffness from a smooth fit of all rows.
 
     Of fewer columns one over the spread; a column that never varies has none.
@@ -542,7 +545,26 @@ def _whitener(table: Table) -> F:
         varies = np.ptp(truth, axis=0) > 1e-12
         spread = np.where(varies, truth.std(axis=0), np.inf)
         return np.tile(np.diag(1.0 / spread), (len(table), 1, 1))
-    return whiteners(declared_noise(table).covariance(Rows(table, polynomial(table))))
+    return whiteners(declared_noise(table).covariance(Rows(table, _smooth(table, models))))
+
+
+def _smooth(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
+    """The polynomial; of rows that are too few for one the first of the models that they carry."""
+    with suppress(EcmError):
+        return polynomial(table)
+    for model in models:
+        with suppress(EcmError):
+            return measured_part(fit_base(table, model), table)
+    raise _too_few(table)
+
+
+def _too_few(measured: Table) -> InputError:
+    way = way_of_few_rows(measured)
+    return InputError(
+        f"{measured.source}: {len(measured)} rows are too few for every candidate; "
+        "measure more poses or name smaller models",
+        remedy=None if way is CHOOSE else way,  # that was tried
+    )
 
 
 def _square(base: StiffnessMap, table: Table, test: I, whitener: F) -> tuple[float, int]:
