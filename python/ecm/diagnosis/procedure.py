@@ -604,14 +604,15 @@ def _held_out(decision: Decision, other: Decision) -> float:
 def _with_given_form(
     model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
 ) -> Decision:
-    """Return the names against the form of a given model, where it errs far less by itself.
+    """Return the answer against the form of a given model, where it errs far less by itself.
 
-    An energy that does not suit the rows, as of a body of another shape or of a column in another
-    unit, errs by far beside its names as well: these imitate a part of what it cannot hold. The
-    form is a polynomial, or an energy of another symmetry.
+    An energy that does not suit the rows, as of a body of another shape or axis or of a column in
+    another unit, errs by far beside its names as well: these imitate a part of what it cannot hold.
+    So it does where nothing has a name. The form is a polynomial, or an energy of another symmetry.
     """
     problem, own, base = decision.problem, whole_map(model.base), whole_map(decision.problem.base)
-    if not decision.answer or _held_out(decision, decision) <= FAR_BEYOND_NOISE:
+    said = decision.verdict != "none" and not decision.misread
+    if not said or _held_out(decision, decision) <= FAR_BEYOND_NOISE:
         return decision
     with suppress(ModelError, InputError):  # the rows do not hold its coefficients
         if isinstance(own, PolynomialMap) and not isinstance(base, PolynomialMap):
