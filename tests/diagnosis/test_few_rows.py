@@ -39,6 +39,7 @@ from ecm.models.maps import EnergyTerms, StiffnessMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.regression.noise import Noise
 from support.campaigns import INSTRUMENT, NOISE, campaign, model, workspace_poses
+from support.neck import columns_of
 from support.stand_in import L, wrench
 
 FORCES = WRENCH[:3]
@@ -461,3 +462,30 @@ def test_a_wild_base_makes_no_noise_of_an_error() -> None:
     found = diagnose(fit_model(table, "quadratic"), table)
     assert found.answer == (("hysteresis",),)
     assert np.abs(found.effects[0].values).max() == pytest.approx(1.5, rel=0.1)
+
+
+@pytest.mark.parametrize("along_one_way", [True, False])
+def test_a_degree_whose_terms_the_rows_cannot_tell_apart_is_no_other_base(
+    monkeypatch: pytest.MonkeyPatch, along_one_way: bool
+) -> None:
+    """One slow way through six coordinates: of 5000 rows each fit of degree 5 took a minute."""
+    random = np.random.default_rng(2)
+    span = np.repeat([4e-3, 0.1], 3)
+    s = np.linspace(0.0, 1.0, 300)[:, None]
+    poses = random.uniform(-1.0, 1.0, (300, 6))
+    if along_one_way:
+        turns = random.uniform(0.5, 6.0, (4, 6)) * s[:, None] + random.uniform(0.0, 1.0, (4, 6))
+        poses = np.sin(2.0 * np.pi * turns).sum(axis=1) / 2.0 + 1e-3 * poses
+    loads = (poses + 0.1 * poses**3) * np.repeat([10.0, 0.3], 3)
+    loads += random.normal(0.0, 1.0, loads.shape) * np.repeat([0.05, 2e-3], 3)
+    table = as_table(columns_of(span * poses, loads))
+    decision = find_missing(fit_model(table, "linear"), table)
+    tried = []
+
+    def errors(problem: object, base: StiffnessMap, sets: object) -> list[float]:
+        tried.append(base.name)
+        return []
+
+    monkeypatch.setattr(procedure, "_errors_beside", errors)
+    procedure.richer_polynomial(decision)
+    assert bool(tried) != along_one_way

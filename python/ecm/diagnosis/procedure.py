@@ -86,7 +86,7 @@ from ecm.models.fit import (
     one_degree_less,
     symmetric_energy,
 )
-from ecm.models.joint_fit import base_columns
+from ecm.models.joint_fit import base_columns, unit_products
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -94,8 +94,9 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import FAR_BEYOND_NOISE, addition_to, is_far_behind
 from ecm.regression.blas import one_blas_thread
+from ecm.regression.f_test import independent_factor
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows, actuators_of, naming_outliers
+from ecm.regression.rows import Rows, actuators_of, inputs_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
 
 _RELINEARISED = 2
@@ -153,7 +154,9 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
     A degree is taken with all of its terms or not at all. One strong term of a higher one, which
     was left out with many weak ones, looks like a kink; of an odd law it is two degrees higher.
     It is tried in place of all names, and in place of each beside the others. Without a name it
-    must lower the BIC.
+    must lower the BIC. Rows that hardly tell its terms apart, as of one slow way through six
+    coordinates, hold none: it would take in any effect, and each fit of thousands of such columns
+    takes a minute.
     """
     problem, base = decision.problem, whole_map(decision.problem.base)
     if not isinstance(base, PolynomialMap):
@@ -163,7 +166,12 @@ def richer_polynomial(decision: Decision) -> StiffnessMap | None:
     tried: list[StiffnessMap] = []
     with suppress(ModelError, InputError):  # fewer rows than coefficients
         for degree in (base.model.degree + 1, base.model.degree + 2):
-            tried.append(fit_base(measured, PolynomialModel(degree)))
+            richer = fit_base(measured, PolynomialModel(degree))
+            terms = richer.columns(inputs_of(richer, measured))[:, 0]  # each output has the same
+            terms = terms[:, np.abs(terms).max(axis=0) > 0.0]
+            if independent_factor(unit_products(terms)[1]) is None:
+                break
+            tried.append(richer)
     best, least = None, _error_left(decision)
     for richer in tried:
         for error in _errors_beside(problem, richer, beside):
