@@ -6,6 +6,7 @@ OpenSim itself reads and evaluates them in `benches/export_targets.py`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -128,11 +129,15 @@ def test_an_effect_that_opensim_cannot_hold_is_refused_as_by_other_targets(tmp_p
     )
     assert export(model.at({"temperature_degC": middle}), "opensim", tmp_path / "warm").lost == {}
     # C has steps, of energies: the effect that counts is kept by another base, and not thrown away.
-    with pytest.raises(InputError, match="steps need an energy") as found:
-        export(fit_model(table, "cubic").add("temperature_modulus").fit(table), "c", tmp_path)
-    assert found.value.remedy is not None
+    cubic = fit_model(table, "cubic").add("temperature_modulus").fit(table)
     typed = "ecm fit DATA --model energy4 --add temperature_modulus --out energy.json"
-    assert found.value.remedy.command == typed
+    # Of data without a length an energy needs that before.
+    for model_there, first in ((cubic, "fit"), (replace(cubic, length_m=None), "state")):
+        with pytest.raises(InputError, match="steps need an energy") as found:
+            export(model_there, "c", tmp_path)
+        assert found.value.remedy is not None
+        assert found.value.remedy.command == typed
+        assert found.value.remedy.words.startswith(first)
     export(fit_model(table, "energy4").add("temperature_modulus").fit(table), "c", tmp_path / "c")
     forced = export(model, "opensim", tmp_path, force=True)
     assert forced.left_out == ("temperature_modulus",)

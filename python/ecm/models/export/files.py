@@ -363,13 +363,14 @@ def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy 
         )
     reasons = {steps.left_out[id] for id in steps.lost}
     base, alias = _STEPPING.get(reasons.pop(), ("", "")) if len(reasons) == 1 else ("", "")
-    unknown = base == "an energy" and model.known_length_m is None
-    if not base or unknown or TARGETS[to].language == "none":
+    if not base or TARGETS[to].language == "none":
         return None
+    unknown = base == "an energy" and model.known_length_m is None
+    first = "state [mechanism] length_m in the data's TOML, then " if unknown else ""
     ids = [item.id for item in model.effects]
     options = " ".join(f"--add {id}" for id in ids)
     return Remedy(
-        f"fit {base} with {' and '.join(ids)}, which steps, and compare "
+        f"{first}fit {base} with {' and '.join(ids)}, which steps, and compare "
         "(or export all the same with --force)",
         f"ecm fit DATA --model {alias} {options} --out {alias.rstrip('4')}.json",
         force=True,
