@@ -69,6 +69,15 @@ def test_a_raw_log_is_answered_with_the_import_that_works(name: str, ecm_command
     assert ecm_command("fit", table, "--model", "linear", "--out", "model.json").code == 0
 
 
+def test_a_check_of_names_that_it_does_not_doubt_ends_in_the_import(ecm_command: Run) -> None:
+    """It was said to map the names in a TOML, though an import reads them all."""
+    rows = "".join(f"{x},{2.0 * x + x % 2}\n" for x in np.linspace(-30.0, 30.0, 21))
+    Path("joint.csv").write_text(f"angle_deg,torque_Nmm\n{rows}", encoding="utf-8")
+    done = ecm_command("check", "joint.csv").good()
+    table = typed(ecm_command, done.err or done.out)
+    assert "ecm import" not in ecm_command("check", table).good().out
+
+
 def test_a_model_that_nobody_named_is_called_like_its_table(ecm_command: Run) -> None:
     log("displacement.csv")
     assert ecm_command("import", "displacement.csv", "--out", "data.csv").code == 0

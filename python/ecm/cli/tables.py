@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from ecm.cli.session import Session, import_options, refuse_models
+from ecm.cli.session import Session, import_options, refuse_models, way_in
 from ecm.effects import load_installed
 from ecm.errors import InputError, Remedy
 from ecm.io.cache import write_atomically
@@ -140,6 +140,9 @@ def check(
     session.show(report)
     session.write_report(report)
     session.warn(*result.warnings[len(table.warnings) :], wrong=True)
+    if not (table.pose_columns or table.wrench_columns):  # names that no reader of tables doubts
+        for way in filter(None, (way_in(path, session.meta) for path in data)):
+            session.note(str(way))
     if result.misread is not None and result.misread.mend:
         session.note("--mend puts under [columns] into the TOML beside the table:")
         for entry in result.misread.mend:
