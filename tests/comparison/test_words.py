@@ -173,8 +173,12 @@ def test_rows_before_the_moment_of_an_effect_are_told() -> None:
     table = ecm.as_table({"time_s": time, "x_m": x, "fx_N": force})
     model = ecm.refit(ecm.fit_model(table, "linear"), table, add="jump")
     (effect,) = model.effects
-    for begin, told in ((0.0, True), (400.0, False)):
-        later = table.with_columns({"time_s": begin + 0.4 * time})
+    # Another table whose clock begins anew and goes on for as long has the jump in its middle.
+    ways = ((0.0, 0.4, "all of these rows"), (0.0, 1.1, "28 of these rows"), (400.0, 0.4, ""))
+    for begin, pace, told in ways:
+        later = table.with_columns({"time_s": begin + pace * time})
         said = [text for text in ecm.compare(model, later).warnings if "acts after" in text]
-        assert bool(said) == told
-        assert not told or f"jump acts after {effect.effect.acts_after_s:g} s" in said[0]
+        assert bool(said) == bool(told)
+        assert all(f"jump acts after {effect.effect.acts_after_s:g} s" in one for one in said)
+        assert all(told in one for one in said)
+    assert not any("acts after" in text for text in ecm.compare(model, table).warnings)

@@ -150,26 +150,35 @@ def compare(
         warnings=(
             *(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
             *beyond_reach(model, rows.poses[scored]),
-            *_before_their_moment(model, table),
+            *_by_another_clock(model, table, of_fit=fitted > 0),
         ),
         compared=Compared(model, table, predicted, chosen),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
 
 
-def _before_their_moment(model: Model, table: Table) -> Iterator[str]:
-    """Say of each effect that acts from a moment on that all rows are before it."""
+def _by_another_clock(model: Model, table: Table, *, of_fit: bool) -> Iterator[str]:
+    """Say of each effect that acts from a moment on where that lies in rows of another clock.
+
+    Nothing of the rows of the fit, and of rows that are all read later.
+    """
     if not table.has("time_s"):
         return
     time_s = table.column("time_s")
     for item in model.effects:
         moment = item.effect.acts_after_s
-        if moment is not None and time_s.max() <= moment:
-            yield (
-                f"{item.id} acts after {moment:g} s by the clock of its fit: all of these rows, "
-                f"{time_s.min():g} to {time_s.max():g} s, are predicted as if it had not come yet; "
-                "where they were read later, let their time_s go on from that of the fit"
-            )
+        if moment is None or time_s.min() > moment or (of_fit and time_s.max() > moment):
+            continue
+        before, last = time_s <= moment, ""
+        rows = f"all of these rows, {time_s.min():g} to {time_s.max():g} s, are"
+        if not before.all():
+            rows = f"{before.sum()} of these rows, up to that, are"
+            last = f"; where it did not come, ecm refit --remove {item.id}"
+        yield (
+            f"{item.id} acts after {moment:g} s by the clock of its fit: {rows} predicted as if "
+            "it had not come yet; where they were read later, let their time_s go on from that of "
+            f"the fit{last}"
+        )
 
 
 def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:
