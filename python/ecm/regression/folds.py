@@ -332,7 +332,7 @@ def spread_rows(table: Table, most: int) -> I:
         return every
     rng = np.random.default_rng(0)
     poses = _scaled_poses(table)
-    order = _in_order(table)
+    order = np.concatenate(order_of_visits(table))
     measured = table.of_poses
     checks = order[~measured[order]]
     checks = checks[evenly(len(checks), int(_CHECKS * most))]
@@ -418,14 +418,6 @@ def _one_of_each_part(rows: I, count: int, rng: np.random.Generator) -> I:
         return rows
     bounds = np.linspace(0, len(rows), count + 1).astype(np.int64)
     return rows[rng.integers(bounds[:-1], bounds[1:])]
-
-
-def _in_order(table: Table) -> I:
-    """(N,) rows run after run, each in the order of time where that is known."""
-    if table.has("time_s"):
-        return np.concatenate(order_of_visits(table))
-    run = table.column("run") if table.has("run") else np.zeros(len(table))
-    return np.argsort(run, kind="stable").astype(np.int64)
 
 
 def _scaled_poses(table: Table) -> F:
