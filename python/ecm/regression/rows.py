@@ -789,18 +789,12 @@ class Rows:
     @cached_property
     def gravity_m_s2(self) -> F:
         """(N, 3) gravity in base axes, m/s^2: that of [run.N], else that of [scene]."""
-        meta = self.table.meta
-        gravity = np.tile(np.asarray(meta.scene.gravity_m_s2, dtype=np.float64), (len(self), 1))
-        for number, values in meta.runs.items():
-            if "gravity_m_s2" in values and self.table.has("run"):
-                gravity[self.table.column("run") == number] = values["gravity_m_s2"]
-        return gravity
+        return self.of_run("gravity_m_s2", self.table.meta.scene.gravity_m_s2)
 
-    def of_run(self, key: str, default: float) -> F:
-        """(N,) a key of [run.N] for the run of each row."""
-        runs = self.table.meta.runs
-        if not runs or not self.table.has("run"):
-            return np.full(len(self), default)
-        own = {number: float(values.get(key, default)) for number, values in runs.items()}
-        numbers = self.table.column("run")
-        return np.array([own.get(int(number), default) for number in numbers])
+    def of_run(self, key: str, default: float | Sequence[float]) -> F:
+        """(N, ...) a key of [run.N] for the run of each row; else the default."""
+        found = np.full((len(self), *np.shape(default)), default, dtype=np.float64)
+        for number, values in self.table.meta.runs.items():
+            if key in values and self.table.has("run"):
+                found[self.table.column("run") == number] = values[key]
+        return found
