@@ -171,6 +171,13 @@ def covariance_parts(rows: Rows) -> F:
 
 
 _ALL = (*POSE, *WRENCH)
+_OF_COLUMNS = {
+    "pose_position_sd_m": POSE[:3],
+    "pose_rotation_sd_rad": POSE[3:],
+    "force_sd_N": WRENCH[:3],
+    "torque_sd_Nm": WRENCH[3:],
+}
+"""The columns that each figure of `[instrument]` is of."""
 
 
 def declared_noise(table: Table, columns: Sequence[str] = _ALL) -> Noise:
@@ -202,22 +209,21 @@ def declared_noise(table: Table, columns: Sequence[str] = _ALL) -> Noise:
     >>> declared_noise(table).source, declared_noise(table, ("x_m", "fx_N")).source
     ('assumed', 'declared')
     """
-    exact = is_exact(table, columns)
-    figures = (None,) * 4 if exact else tuple(_figures(table).values())
     default = Noise()
-    values = np.array(
-        [d if f is None else f for f, d in zip(figures, default.parameters(), strict=True)]
-    )
-    given = all(figure is not None for figure in _needed(table, columns))
-    return default.with_parameters(values, "declared" if given and not exact else "assumed")
+    if is_exact(table, columns):
+        return default
+    given = _figures(table, _ALL).values()
+    values = [d if f is None else f for f, d in zip(given, default.parameters(), strict=True)]
+    source: Source = "assumed" if lacking_figures(table, columns) else "declared"
+    return default.with_parameters(np.array(values), source)
 
 
 def is_exact(table: Table, columns: Sequence[str] = _ALL) -> bool:
     """Whether the data's TOML declares their noise figures as 0, as simulated pairs do."""
-    return all(figure == 0.0 for figure in _needed(table, columns))
+    return all(figure == 0.0 for figure in _figures(table, columns).values())
 
 
-def lacking_figures(table: Table, columns: Sequence[str] = _ALL) -> tuple[str, ...]:
+def lacking_figures(table: Table, columns: Sequence[str]) -> tuple[str, ...]:
     """Names of the figures in `[instrument]` that concern these columns and are not given.
 
     Examples
@@ -227,26 +233,16 @@ def lacking_figures(table: Table, columns: Sequence[str] = _ALL) -> tuple[str, .
     >>> lacking_figures(table, ("x_m", "fx_N"))
     ('pose_position_sd_m', 'force_sd_N')
     """
-    figures, names = _figures(table), (f"pose_{n}" for n in _FIGURES[:2])
-    of_each = zip((*names, *_FIGURES[2:]), figures.items(), strict=True)
-    return tuple(
-        name for name, (own, figure) in of_each if figure is None and set(own) & set(columns)
-    )
+    figures = _figures(table, columns)
+    return tuple(name for name, figure in figures.items() if figure is None)
 
 
-def _needed(table: Table, columns: Sequence[str]) -> list[float | None]:
-    figures = _figures(table)
-    return [figures[own] for own in figures if set(own) & set(columns)]
-
-
-def _figures(table: Table) -> dict[tuple[str, ...], float | None]:
-    """The four figures by the columns that they are of."""
-    instrument = table.meta.instrument
+def _figures(table: Table, columns: Sequence[str]) -> dict[str, float | None]:
+    """The figures of `[instrument]` that concern some of these columns, by name."""
     return {
-        POSE[:3]: instrument.pose_position_sd_m,
-        POSE[3:]: instrument.pose_rotation_sd_rad,
-        WRENCH[:3]: instrument.force_sd_N,
-        WRENCH[3:]: instrument.torque_sd_Nm,
+        name: getattr(table.meta.instrument, name)
+        for name, own in _OF_COLUMNS.items()
+        if set(own) & set(columns)
     }
 
 
