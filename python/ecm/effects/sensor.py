@@ -92,7 +92,7 @@ class CourseEffect(LinearEffect):
 
 def _needs_two_zeros(table: Table) -> Missing | None:
     """Missing where nothing tells an offset from the constant term of the model."""
-    free = bool((table.text("kind") == "unloaded").any())
+    free = bool(table.unloaded.any())
     if free or (table.has("run") and 1 < len(np.unique(table.column("run"))) <= _MOST_RUNS):
         return None
     return Missing(
@@ -151,7 +151,7 @@ class FtsOffset(FromAMoment, CourseEffect):
 
         Of all six components also from a few moments on.
         """
-        free = bool((table.text("kind") == "unloaded").any())
+        free = bool(table.unloaded.any())
         runs = np.unique(table.column("run"))[1:_MOST_RUNS].tolist() if table.has("run") else []
         if self.outputs is not None:
             outputs = ",".join(table.wrench_columns)

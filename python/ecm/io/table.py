@@ -343,6 +343,11 @@ class Table(Printed):
         kind = self.text("kind")
         return np.asarray((kind == "") | (kind == "pose"), dtype=np.bool_)
 
+    @property
+    def unloaded(self) -> B:
+        """(N,) rows read with the sensor free of the mechanism."""
+        return np.asarray(self.text("kind") == "unloaded", dtype=np.bool_)
+
     def measured(self) -> Table:
         """Return the rows of kind `pose`, without home checks and unloaded readings."""
         return self.select(self.of_poses) if "kind" in self.columns else self

@@ -64,7 +64,7 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
     (201, [0.0], [0.4999])
     """
     poses = table.matrix(tuple(inputs))
-    counts = np.isfinite(poses).all(axis=1) & (table.text("kind") != "unloaded")
+    counts = np.isfinite(poses).all(axis=1) & ~table.unloaded
     poses, of_poses = poses[counts], table.of_poses[counts]
     chosen = np.flatnonzero(of_poses)
     seen = [poses, coordinates(poses, 0.0)] if tuple(inputs[:6]) == POSE else [poses]

@@ -30,10 +30,9 @@ from ecm.regression.history import goes_step_by_step, order_of_visits
 def is_zero(table: Table) -> B:
     """(N,) rows of kind `unloaded` that read exactly zero in every wrench column."""
     names = table.wrench_columns
-    if not names or not table.has("kind"):
+    if not names:
         return np.zeros(len(table), dtype=np.bool_)
-    nothing = (table.matrix(names) == 0.0).all(axis=1)
-    return np.asarray((table.text("kind") == "unloaded") & nothing, dtype=np.bool_)
+    return np.asarray(table.unloaded & (table.matrix(names) == 0.0).all(axis=1))
 
 
 def zero_times(table: Table) -> tuple[float, ...]:

@@ -36,7 +36,7 @@ def values_before(table: Table, names: Sequence[str], rest: F) -> F:
         return values_before(table.sampled_from, names, rest)[table.sampled_rows]
     values = table.matrix(names)
     if not table.has("approach"):
-        return before_each(values, row_before(table, table.text("kind") != "unloaded"))
+        return before_each(values, row_before(table, ~table.unloaded))
     known = _mean_values(table, values) | {"initial": rest}
     kinds = np.where(np.isin(table.text("kind"), ("", "pose")), table.text("approach"), "")
     unknown = np.full(values.shape[1], np.nan)

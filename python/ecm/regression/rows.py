@@ -553,9 +553,7 @@ class Rows:
     @cached_property
     def unloaded(self) -> B:
         """Rows read with the sensor free of the mechanism."""
-        if not self.table.has("kind"):
-            return np.zeros(len(self.table), dtype=np.bool_)
-        return np.asarray(self.table.text("kind") == "unloaded", dtype=np.bool_)
+        return self.table.unloaded
 
     def predict(self, poses: F) -> F:
         """(N, m) base wrench at other poses of the same rows, zero where unloaded."""
