@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+
 from ecm.bench import Bench
 from ecm.bench import measure as measure_plan
 from ecm.bench.run import envelope, pictured
@@ -162,12 +164,9 @@ def _effects(text: str | None) -> tuple[Effect, ...]:
 
 def _excluded(texts: Sequence[str], table: Table) -> list[int]:
     """Rows of lists and regions, and those that are no poses: home checks, unloaded readings."""
-    rows = set()
-    if table.has("kind"):
-        rows = {i for i, kind in enumerate(table.text("kind")) if kind not in ("", "pose")}
-    for text in texts:
-        rows |= set(list_or_region("--exclude", text, table).tolist())
-    return sorted(rows)
+    named = [list_or_region("--exclude", text, table) for text in texts]
+    rows: list[int] = np.unique(np.concatenate([np.flatnonzero(~table.of_poses), *named])).tolist()
+    return rows
 
 
 def _measured(path: Path | None, table: Table, session: Session) -> F | None:

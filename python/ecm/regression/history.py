@@ -38,7 +38,7 @@ def values_before(table: Table, names: Sequence[str], rest: F) -> F:
     if not table.has("approach"):
         return before_each(values, row_before(table, ~table.unloaded))
     known = _mean_values(table, values) | {"initial": rest}
-    kinds = np.where(np.isin(table.text("kind"), ("", "pose")), table.text("approach"), "")
+    kinds = np.where(table.of_poses, table.text("approach"), "")
     unknown = np.full(values.shape[1], np.nan)
     return np.array([known.get(name, unknown) for name in kinds]).reshape(values.shape)
 

@@ -483,8 +483,7 @@ class Rows:
     @property
     def whole(self) -> Rows:
         """All rows of the table that a subsample was chosen from; else these rows."""
-        whole = self.table.sampled_from
-        return self._with("table", self.table if whole is None else whole)
+        return self._with("table", self.table.full)
 
     def under(self, base: BaseMap, of_fit: dict[str, Any]) -> Rows:
         """Return the same rows under a map of the same inputs; what is known of them is kept."""
