@@ -375,36 +375,34 @@ class _Routes:
         return _json(found, known.get(type(error), 400))
 
     async def action(self, request: Any) -> Any:
-        action, body = request.path_params["action"], await _body(request)
+        body = await _body(request)
+        done = await asyncio.to_thread(self._done, request.path_params["action"], body)
+        return _json({"error": "no such action"}, 404) if done is None else _json(done)
+
+    def _done(self, action: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        """Do what the page asks for, and return the answer; None where nothing is called so."""
         jobs, session = self.app.jobs, self.app.session
-        if action == "step":
-            verb = str(body.pop("verb", None))
-            return _json({"step": await asyncio.to_thread(jobs.start, verb, body)})
-        described: dict[str, Callable[[], None]] = {
+        changes: dict[str, Callable[[], None]] = {
             "leave_out": lambda: session.leave_out(body.get("rows")),
             "describe": lambda: session.describe(body.get("sections")),
+            "undo": session.undo,
+            "redo": session.redo,
+            "accept": lambda: session.accept(str(body.get("warning", ""))),
         }
-        if action in described:
-            await asyncio.to_thread(jobs.alone, described[action])
-            check = {"then": body.get("then")}
-            return _json({"step": await asyncio.to_thread(jobs.start, "check", check)})
+        if action in changes:
+            jobs.alone(changes[action])
+            if action in ("leave_out", "describe"):
+                return {"step": jobs.start("check", {"then": body.get("then")})}
+            return self.app.state()
+        if action == "step":
+            return {"step": jobs.start(str(body.pop("verb", None)), body)}
         if action == "again":
             wanted, steps = body.get("step"), session.journal.read().steps
             step = steps.get(wanted) if isinstance(wanted, int) else None
             if step is None or not step.argv:
                 raise InputError("no such step with a command in this session")
-            return _json({"step": await asyncio.to_thread(jobs.start, step.verb, step.request)})
-        if action == "cancel":
-            return _json({"cancelled": await asyncio.to_thread(jobs.cancel)})
-        changes: dict[str, Callable[[], None]] = {
-            "undo": session.undo,
-            "redo": session.redo,
-            "accept": lambda: session.accept(str(body.get("warning", ""))),
-        }
-        if action not in changes:
-            return _json({"error": "no such action"}, 404)
-        await asyncio.to_thread(jobs.alone, changes[action])
-        return await self.state(request)
+            return {"step": jobs.start(step.verb, step.request)}
+        return {"cancelled": jobs.cancel()} if action == "cancel" else None
 
     async def upload(self, request: Any) -> Any:
         """Stream the body into the session folder; its name is a text in the address."""
