@@ -327,23 +327,24 @@ class Session:
         history, files = self.now()
         if not isinstance(rows, list) or not rows or not all(type(row) is int for row in rows):
             raise InputError("rows: expected a list of row numbers")
-        chosen = np.unique(np.array(rows, dtype=np.int64)) - 1
         numbers = [
             read_table([self.folder / name], skip_bad_rows=files.skip_bad_rows).numbers_in_file
             for name in files.data
         ]
-        ends = np.cumsum([len(own) for own in numbers], dtype=np.int64)
-        if not len(ends) or chosen[0] < 0 or chosen[-1] >= ends[-1]:
-            raise InputError(f"rows: expected numbers from 1 to {ends[-1] if len(ends) else 0}")
-        for name, own, end in zip(files.data, numbers, ends.tolist(), strict=True):
-            inside = chosen[(chosen >= end - len(own)) & (chosen < end)] - (end - len(own))
-            if not len(inside):
+        ends = np.cumsum([0, *map(len, numbers)])
+        if min(rows) < 1 or max(rows) > ends[-1]:
+            raise InputError(f"rows: expected numbers from 1 to {ends[-1]}")
+        chosen = np.isin(np.arange(1, ends[-1] + 1), rows)
+        for name, own, left_out in zip(
+            files.data, numbers, np.split(chosen, ends[1:-1]), strict=True
+        ):
+            if not left_out.any():
                 continue
-            if len(inside) == len(own):
+            if left_out.all():
                 raise InputError(f"{history.own_name(name)}: these are all of its rows")
             text = self._description(name)
             left = parse_toml(text, name, "description of a table").get("leave_out", {})
-            marked = {*own[inside].tolist(), *rows_of(left.get(MARKED, ""), name).tolist()}
+            marked = {*own[left_out].tolist(), *rows_of(left.get(MARKED, ""), name).tolist()}
             text = with_leave_out(text, {**left, MARKED: row_ranges(marked)})
             self._redescribe(name, text.encode(), {"name": history.own_name(name), "of": name})
 
