@@ -279,19 +279,17 @@ def measure(
 
     def agree(lines: list[str]) -> None:
         session.print(*lines)
-        if not dry_run and not yes and not _agreed():
+        if not yes and not _agreed():
             remedy = Remedy(
                 "look at numbers and picture, clear the rig's surroundings, and say --yes"
             )
             raise InputError("nobody has agreed to the moves above", remedy=remedy)
         session.on_interrupt("finished readings are kept. The same command goes on there.")
-        if not dry_run:
-            session.print(f"ecm app --follow {out} shows the rows in a browser as they come")
+        session.print(f"ecm app --follow {out} shows the rows in a browser as they come")
 
     if dry_run:
         run, lines = envelope(visits, bench)
-        agree([*lines, pictured(run, out)])
-        session.print("dry run: nothing was moved")
+        session.print(*lines, pictured(run, out), "dry run: nothing was moved")
         return
     data = measure_plan(
         visits,
