@@ -181,9 +181,8 @@ def check_output_directory(path: Path) -> None:
 
 
 def _check_writable(path: Path, directory: Path) -> None:
-    nearest = directory.absolute()
-    while not nearest.exists() and nearest != nearest.parent:
-        nearest = nearest.parent
+    whole = directory.absolute()
+    nearest = next((place for place in (whole, *whole.parents) if place.exists()), whole)
     if not nearest.is_dir():
         raise InputError(f"{path}: {nearest} is a file, expected a directory. Check the path.")
     if not os.access(nearest, os.W_OK):
