@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
@@ -305,6 +305,14 @@ class _AsWhole:
     def length_m(self) -> float | None:
         return self.base.length_m
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        return driven_by(self.base)
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        other = self.base.other_body(change)
+        return None if other is None else cast("BaseMap", replace(self, base=other))
+
 
 @dataclass(frozen=True)
 class _OfSix(_AsWhole):
@@ -312,10 +320,6 @@ class _OfSix(_AsWhole):
     stiffness."""
 
     more: F = field(default_factory=lambda: np.zeros((6, 6)))
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        return actuators_of(self.base)
 
     def predict(self, poses: F) -> F:
         return np.asarray(self._placed(self.base.predict(poses)) + poses[:, :6] @ self.more.T)
@@ -326,10 +330,6 @@ class _OfSix(_AsWhole):
     def actuation_jacobian(self, poses: F) -> F:
         base: Any = self.base
         return self._placed(base.actuation_jacobian(poses))
-
-    def other_body(self, change: BodyChange) -> BaseMap | None:
-        other = self.base.other_body(change)
-        return None if other is None else replace(self, base=other)
 
     def _placed(self, values: F) -> F:
         whole = np.zeros((len(values), len(WRENCH), *values.shape[2:]))
@@ -347,10 +347,6 @@ class _AtInputs(_AsWhole):
     median: F
     """(a,) of the inputs."""
 
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        return self.base.inputs[6:]
-
     def predict(self, poses: F) -> F:
         return self.base.predict(self._with_inputs(poses))
 
@@ -359,9 +355,6 @@ class _AtInputs(_AsWhole):
 
     def actuation_jacobian(self, poses: F) -> F:
         return np.ascontiguousarray(self.base.stiffness(self._with_inputs(poses))[:, :, 6:])
-
-    def other_body(self, change: BodyChange) -> BaseMap | None:
-        return None
 
     def _with_inputs(self, poses: F) -> F:
         bare = poses.shape[1] == len(POSE)
