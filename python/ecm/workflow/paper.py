@@ -134,17 +134,11 @@ def _errors(
 def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, Any]]:
     """Per component: share of |e_rel| > limit, the largest |h| there, and the largest |error|."""
     far = np.abs(errors) > limit
-    return [
-        {
-            "component": name,
-            "share": float(far[:, j].mean()),
-            "largest_observed": float(np.abs(observed[far[:, j], j]).max(initial=0.0)),
-            "largest_error": float(
-                np.abs(predicted[far[:, j], j] - observed[far[:, j], j]).max(initial=0.0)
-            ),
-        }
-        for j, name in enumerate(WRENCH)
-    ]
+    sizes = (np.abs(values) for values in (observed, predicted - observed))
+    largest = (np.where(far, size, 0.0).max(axis=0, initial=0.0).tolist() for size in sizes)
+    rows = zip(WRENCH, far.mean(axis=0).tolist(), *largest, strict=True)
+    keys = ("component", "share", "largest_observed", "largest_error")
+    return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
 def energy_learning(
