@@ -86,7 +86,9 @@ _HEADERS = (
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
+    (b"content-security-policy", POLICY.encode()),
 )
+"""What each answer says that does not say otherwise."""
 
 
 class Guard:
@@ -150,8 +152,6 @@ def _with_headers(send: Send) -> Send:
         if message["type"] == "http.response.start":
             own = {key.lower() for key, _ in message["headers"]}
             more = [item for item in _HEADERS if item[0] not in own]
-            if b"content-security-policy" not in own:
-                more.append((b"content-security-policy", POLICY.encode()))
             message = {**message, "headers": [*message["headers"], *more]}
         await send(message)
 
