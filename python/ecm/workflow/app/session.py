@@ -334,10 +334,8 @@ class Session:
         ends = np.cumsum([0, *map(len, numbers)])
         if min(rows) < 1 or max(rows) > ends[-1]:
             raise InputError(f"rows: expected numbers from 1 to {ends[-1]}")
-        chosen = np.isin(np.arange(1, ends[-1] + 1), rows)
-        for name, own, left_out in zip(
-            files.data, numbers, np.split(chosen, ends[1:-1]), strict=True
-        ):
+        of_tables = np.split(np.isin(np.arange(1, ends[-1] + 1), rows), ends[1:-1])
+        for name, own, left_out in zip(files.data, numbers, of_tables, strict=True):
             if not left_out.any():
                 continue
             if left_out.all():
