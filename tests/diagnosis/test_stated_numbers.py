@@ -12,11 +12,12 @@ from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.statements import moved_points
 from ecm.io.arrays import F
+from ecm.io.description import Scene
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
-from support.campaigns import NOISE, workspace_poses
+from support.campaigns import META, NOISE, workspace_poses
 from support.neck import columns_of
-from support.stand_in import L, wrench
+from support.stand_in import L, rotation, wrench
 
 EFFECTS = ("base_frame_misalignment", "payload", "fts_frame")
 
@@ -194,3 +195,22 @@ def test_a_length_that_is_stated_wrongly_shows_in_the_pose_without_force(factor:
     said = [re.search(r"no force at a length of ([\d.]+) m", words) for words in found.warnings]
     lengths = [float(match[1]) for match in said if match]
     assert lengths == ([] if factor == 1.0 else [pytest.approx(L, rel=0.005)])
+
+
+@pytest.mark.parametrize("mass_kg", [0.3, -0.3])
+def test_a_part_that_is_picked_up_or_dropped_is_a_payload_from_then_on(mass_kg: float) -> None:
+    """It was another zero of the sensor from that moment on, which its torques do not follow."""
+    poses, hangs = workspace_poses(120, 3), np.arange(120) >= 70
+    turned = rotation(poses[:, 3:])
+    force = np.broadcast_to([0.0, 0.0, 9.81 * mass_kg], (120, 3))
+    weight = np.hstack([force, np.cross(turned @ [0.06, 0.0, 0.02], force)])
+    read = wrench(poses) + hangs[:, None] * weight
+    read += NOISE * np.random.default_rng(8).standard_normal(poses.shape)
+    meta = replace(META, scene=Scene(gravity_m_s2=(0.0, 0.0, -9.81)))
+    table = Table(columns_of(poses, read) | {"time_s": 20.0 * np.arange(120.0)}, meta, "picked")
+    found = diagnose(fit_model(table, "energy4"), table)
+    assert found.answer[0][0] == "payload"
+    (payload,) = found.effects
+    assert payload.effect.acts_after_s == pytest.approx(1390.0, abs=21.0)
+    assert payload.values[0] == pytest.approx(mass_kg, rel=0.05)
+    assert not any("payload of" in words for words in found.warnings)

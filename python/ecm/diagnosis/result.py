@@ -121,6 +121,8 @@ class RankedEffect:
     unit: str
     expected_fall: float
     """Expected fall of the error, in noise units."""
+    bound: float | None = field(default=None, metadata={"optional": True})
+    """The bound of the parameter, where the size is beyond it."""
 
 
 @dataclass(frozen=True)
@@ -415,6 +417,8 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
+    size = float(theta[best] / norm)
+    nearest = float(np.clip(size, parameter.lower, parameter.upper))
     _, _, total = problem.normal.total
     now = total / problem.scale / problem.size
     return RankedEffect(
@@ -422,10 +426,11 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
         p=item.p,
         delta_bic=item.delta_bic,
         parameter=parameter.name,
-        size=float(theta[best] / norm),
+        size=size,
         sd=float(sd[best] / norm),
         unit=parameter.unit,
         expected_fall=float(np.sqrt(now) - np.sqrt(max(now - item.drop / problem.size, 0.0))),
+        bound=None if nearest == size else nearest,
     )
 
 

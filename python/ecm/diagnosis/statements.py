@@ -449,7 +449,7 @@ def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
     said = []
     for item in effects:
         mass, sd = float(item.values[0]), float(item.sd[0])
-        if item.id == "payload" and mass + _DEVIATIONS * sd < 0.0:
+        if item.id == "payload" and not item.effect.shape and mass + _DEVIATIONS * sd < 0.0:
             said.append(
                 f"a payload of {mass:.3g} kg: it was taken off after the sensor's zero, or gravity "
                 "points the other way ([scene] gravity_m_s2), or forces have the wrong sign"

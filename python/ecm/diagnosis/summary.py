@@ -206,12 +206,11 @@ def _like(document: Mapping[str, Any]) -> str:
 
 def _beyond(document: Mapping[str, Any], id: str) -> str:
     """The size that an effect would need by itself, where that is beyond its bounds."""
-    for one in (one for one in document["ranking"] if one["id"] == id):
-        allowed = {own.name: own for own in with_shape(id, {}).parameters}[one["parameter"]]
-        if not allowed.lower <= one["size"] <= allowed.upper:
-            bound, unit = np.clip(one["size"], allowed.lower, allowed.upper), behind(one["unit"])
-            return f" ({one['parameter']} = {one['size']:.3g}{unit}, beyond its bound {bound:.3g})"
-    return ""
+    one = next((one for one in document["ranking"] if one["id"] == id and "bound" in one), None)
+    if one is None:
+        return ""
+    size = f"{one['parameter']} = {one['size']:.3g}{behind(one['unit'])}"
+    return f" ({size}, beyond its bound {one['bound']:.3g})"
 
 
 def _without_name(document: Mapping[str, Any]) -> str:
