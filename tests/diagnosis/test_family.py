@@ -308,6 +308,23 @@ def test_a_known_effect_beyond_its_bound_is_said_with_the_size_that_it_would_nee
     assert "temperature_modulus (beta = 0.12 1/K, beyond its bound 0.05)" in found.summary().missing
 
 
+def test_what_the_form_of_the_models_own_effect_may_leave_is_said_with_what_would_show_it() -> None:
+    """A body that softens much when warm, and a sensor that is not compensated, weak beside it."""
+    poses = workspace_poses(120, 5)
+    warm = 20.0 + 30.0 * np.sin(np.arange(120) / 11.0)
+    read = wrench(poses) * np.exp(0.01 * (20.0 - warm))[:, None]
+    read += NOISE * np.tile([0.2, -0.1], 3) * (warm - 20.0)[:, None]
+    read += NOISE * np.random.default_rng(8).standard_normal(poses.shape)
+    table = read_at(poses, read, warm)
+    bare = ecm.fit_model(table, "energy4")
+    held = diagnose(bare, table)
+    assert held.answer[0][0] == "temperature_modulus"
+    found = diagnose(ecm.refit(bare, table, add="temperature_modulus"), table)
+    said = found.summary()
+    assert "(fts_thermal_drift or another form of temperature_modulus)" in said.missing
+    assert said.next.startswith("unloaded zero warm and cold")
+
+
 def test_drivers_that_share_the_weight_are_said_together() -> None:
     table = warmed(SLOW, 0.0, 3, 0.01)
     found = diagnose(ecm.fit_model(table, "energy4"), table)

@@ -29,7 +29,7 @@ from ecm.diagnosis.problem import Candidate, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Rows, all_effects
-from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment
+from ecm.effects.experiments import MINUTES_BY_HAND, SEPARATOR, Experiment, get_experiment
 from ecm.effects.registry import effects_of_actuators, with_shape
 from ecm.errors import EcmError
 from ecm.io.arrays import F, I
@@ -353,6 +353,24 @@ def next_experiments(
                 ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:_MOST_COMPARED])
             )
     return _Choice(problem.table, groups, _offered(problem, groups)).proposals()
+
+
+def apart_from_held(best: str, held: Sequence[str], table: Table) -> Proposal:
+    """Return the experiment that tells an effect from what the form of the model's own may leave.
+
+    Parameters
+    ----------
+    best
+        The effect that explains most of what is left.
+    held
+        The effects that the model has already.
+    """
+    telling = _telling().get(best, {})
+    one = next((telling[id] for id in (*held, *telling) if id in telling), None)
+    action = "measure where what the model holds is weak" if one is None else one.words(table)
+    minutes = MINUTES_BY_HAND if one is None else one.minutes
+    pair = f"{best} or another form of {' and '.join(held)}"
+    return Proposal(action, minutes, (pair,), None, None)
 
 
 def _telling() -> dict[str, dict[str, Experiment]]:

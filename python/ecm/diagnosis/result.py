@@ -20,6 +20,7 @@ from ecm.diagnosis.next_experiment import (
     POWER,
     DetectionLimit,
     Proposal,
+    apart_from_held,
     detection_limits,
     least_strength_seen,
     next_experiments,
@@ -27,6 +28,7 @@ from ecm.diagnosis.next_experiment import (
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
+    ONE_CAUSE_SHARE,
     Ranked,
     Refinement,
     estimate,
@@ -352,7 +354,7 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         signature=signature_shares(
             problem.rows, problem.response, problem.whitener.each, problem.weights, problem.scale
         ),
-        next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
+        next_experiment=_next_experiments(decision),
         outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
         rows_used=_rows_used(problem),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
@@ -364,6 +366,16 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
     )
+
+
+def _next_experiments(decision: Decision) -> tuple[Proposal, ...]:
+    """Return what tells the members of classes apart, or what is left from the model's effects."""
+    problem, accepted = decision.problem, decision.accepted
+    best = decision.ranking[0] if decision.ranking and decision.verdict == "none" else None
+    seen = best is not None and best.delta_bic > problem.settings.least_bic
+    if best is None or not seen or best.drop >= ONE_CAUSE_SHARE * problem.held:
+        return next_experiments(problem, accepted.effects, accepted.classes)
+    return (apart_from_held(best.id, [*decision.prepared.of_model], problem.table),)
 
 
 def _ways(final: JointFit) -> dict[str, str] | None:

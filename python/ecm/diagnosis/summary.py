@@ -223,13 +223,17 @@ def _without_name(document: Mapping[str, Any]) -> str:
     refitted = f"fitted again {again}, " if model["refitted"] and again != given else ""
     alike = model.get("neighbours_alike") is not None
     weak = "has no name" if _errs_far(model) else "is too weak to be named"
+    # Of nothing that is accepted: an effect that the form of the model's own may imitate.
+    pairs = "".join(
+        f" ({pair})" for one in document["next_experiment"] for pair in one["separates"]
+    )
     said = {
         "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",
         "numbers": "no effect, the model's numbers are not those of this body: "
         f"{errs}, fitted again {again}",
-        "effect": f"what {model['name']} lacks {weak}: it errs {given}",
+        "effect": f"what {model['name']} lacks {weak}{pairs}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
-        "noise": f"{nothing}, though {errs}{' and neighbouring rows err alike' * alike}",
+        "noise": f"{nothing}, though {errs}{' and neighbouring rows err alike' * alike}{pairs}",
         "rows": f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
         "they count less",
     }.get("rows" if model["reason"] == "rows" else model["answer"], f"{nothing}{bounded}")
