@@ -151,9 +151,10 @@ class _Chosen:
         """Whether a shape loses little in its place, or cannot be told from it."""
         if loss < least:
             return True
-        if other in self.problem.imitators and self.problem.untestable[other.id].imitates:
+        why = self.problem.untestable.get(other.id)
+        if why is not None and why.imitates:
             # The data cannot show its true form; one of several shapes comes nearer to it.
-            shaped = bool(self.problem.untestable[other.id].forms)
+            shaped = bool(why.forms)
             if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * self.gain:
                 return True
         form = other.effect.plain_form()

@@ -319,8 +319,8 @@ def _not_absorbed(
             if share <= _MOST_ABSORBED:
                 rest.append(replace(item, imitates=True))
     seen = {item.id for item in kept}
-    kept += [item for item in rest if item.id not in seen]
-    return kept, {id: why for id, why in absorbed.items() if id not in seen}
+    # A shape that is absorbed may be what another effect looks like, though others are testable.
+    return kept + rest, {id: why for id, why in absorbed.items() if id not in seen}
 
 
 def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
