@@ -65,6 +65,20 @@ def answer(table: Table) -> set[str]:
     return {id for members in diagnose(linear(table), table).answer for id in members}
 
 
+def test_a_form_that_the_base_takes_in_is_what_others_look_like_beside_forms_that_show() -> None:
+    """A mass in all rows of three forces: the base has it, and one from a moment on is testable."""
+    poses = workspace_poses(60, 3)
+    table = rows(poses, wrench(poses), 8, FORCES)
+    base = choose_base(fit_model(table, "energy4"), table)
+    problem = assemble(base, table, effects_of(table))
+    assert [one.effect.shape for one in problem.imitators if one.id == "payload"] == [{}]
+    assert "payload" in problem.ids
+    weighed = diagnose(
+        linear(table := rows(poses, wrench(poses) - [6.0, 0, 0, 0, 0, 0], 8, FORCES)), table
+    )
+    assert any("payload" in members for members in weighed.answer)
+
+
 def nearest_first(poses: F) -> F:
     """Poses as a hand takes them, each near the one before."""
     left, order = list(range(1, len(poses))), [0]

@@ -41,7 +41,7 @@ def needs_gravity(table: Table) -> Missing | None:
 
 @dataclass(eq=False)
 class Payload(FromAMoment):
-    """-(m g, R c x m g), c the centre of mass in top axes; also from a moment on, as a part is.
+    """-(m g, R c x m g), c the centre of mass in top axes; of a part from when it is picked up.
 
     A sensor zeroed with the payload reads zero at the zeroing pose R_z: B B_z' of the payload at
     that pose is then subtracted. The mass is that of [scene]; a run with another payload_mass_kg
