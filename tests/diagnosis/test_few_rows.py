@@ -268,9 +268,9 @@ def test_it_is_not_none_where_something_explains_most(seed: int) -> None:
     assert found.family.driver == "the temperature of the body"
 
 
-@pytest.mark.parametrize("seed", [834, 838, 979])
+@pytest.mark.parametrize("seed", [641, 652, 838])
 def test_noise_that_chance_brings_past_the_gate_is_none(seed: int) -> None:
-    """Of 700 tables with nothing hidden three fail the gate's test; no process is as likely."""
+    """Of 700 tables with nothing hidden seven fail the gate's test; no process is as likely."""
     poses = workspace_poses(60, seed)
     table = rows(poses, wrench(poses), seed)
     found = find_missing(linear(table), table)

@@ -319,8 +319,10 @@ def _not_absorbed(
             if share <= _MOST_ABSORBED:
                 rest.append(replace(item, imitates=True))
     seen = {item.id for item in kept}
-    # A shape that is absorbed may be what another effect looks like, though others are testable.
-    return kept + rest, {id: why for id, why in absorbed.items() if id not in seen}
+    # What acts in all rows may be what another effect looks like, though from a moment on it shows.
+    kinds = {(item.id, item.effect.kind) for item in kept}
+    kept += [item for item in rest if (item.id, item.effect.kind) not in kinds]
+    return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
 def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
