@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,7 +14,6 @@ import pytest
 from ecm.cli.app import load_command
 from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
-from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import poses_of
 from ecm.io.table import as_table
@@ -35,7 +32,7 @@ from support.cortex_m import (
     rust_library,
     stated_stack,
 )
-from support.exports import adapter_library, loaded_library, written
+from support.exports import CompiledC, adapter_library, written
 from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Command
 from support.programs import cargo, ended, need_program
@@ -183,18 +180,12 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
 def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_path: Path) -> None:
     for name in ("cubic", "energy6"):
         folder = written(fitted[name], tmp_path / name, "c")
-        inside = loaded_library(folder / "neck.c").neck_inside
-        table = campaign(seed=3).measured()
-        poses = table.matrix(fitted[name].inputs)
-
-        def all_inside(poses: F, function: Any = inside) -> list[int]:
-            rows = [(ctypes.c_double * 6)(*row) for row in poses]
-            return [int(function(row)) for row in rows]
-
-        assert set(all_inside(poses)) == {1}
+        inside = CompiledC(folder / "neck.c").inside
+        poses = campaign(seed=3).measured().poses
+        assert {inside(pose) for pose in poses} == {1}
         farthest = poses[np.argmax(np.abs(poses[:, 4]))]
         beyond = np.where(np.arange(6) == 4, 2.0, 1.0) * farthest
-        assert all_inside(np.array([beyond, np.full(6, np.nan)])) == [0, 0]
+        assert [inside(beyond), inside(np.full(6, np.nan))] == [0, 0]
         # The code is the reach of the measured poses, whose corners no load reaches.
         reach = reach_of(fitted[name], fitted[name].base)
         assert reach is not None
@@ -203,7 +194,7 @@ def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_
         asked = x if name == "cubic" else poses_of(x, fitted[name].known_length_m or 0.0)
         expected = reach.contains(x)
         assert 20 < expected.sum() < 1000
-        np.testing.assert_array_equal(all_inside(asked), expected)
+        np.testing.assert_array_equal([inside(pose) for pose in asked], expected)
 
 
 @pytest.mark.parametrize("compiler", ["clang", "gcc"])
@@ -229,24 +220,19 @@ def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
     written(model, tmp_path, "c", adapt=settings)
     # -u: what a shared library does not call itself is taken from the static one only where named.
     sources = [tmp_path / "neck.c", "-Wl,-u,neck_adapt", adapter_library(tmp_path)]
-    code, six = loaded_library(*sources), ctypes.c_double * 6
-    state, adapted = (ctypes.c_double * 49)(), (ctypes.c_double * 4000)()
-    h, k, still = six(), (ctypes.c_double * 36)(), six()
-    branches = (ctypes.c_double * 12)()
-    poses = campaign(seed=3).measured().matrix(POSE)[:40]
-    assert code.neck_init(state, six(*poses[0])) == 1
-    code.neck_adapt_init(adapted, None)
+    code, state, adapted = CompiledC(*sources), np.zeros(49), np.zeros(4000)
+    h, k, still, branches = np.zeros(6), np.zeros(36), np.zeros(6), np.zeros((2, 6))
+    poses = campaign(seed=3).measured().poses[:40]
+    assert code.init(state, poses[0]) == 1
+    code.adapt_init(adapted, None)
     outcomes = set()
     for pose in poses:
-        assert code.neck_step(state, six(*pose), ctypes.c_double(0.3), None, h, k) == 1
-        code.neck_branches(state, branches)
-        code.neck_value(six(*pose), still)
-        one, two = np.array(branches).reshape(2, 6)
-        parts = np.array(still) + BRANCHES[1][0] * one + BRANCHES[1][1] * two
-        np.testing.assert_allclose(h, parts, rtol=1e-9, atol=1e-9)
-        told = (six(*pose), h, ctypes.c_double(0.3), h, k, branches)
-        outcomes.add(code.neck_adapt(adapted, None, *told))
-    assert np.abs(one).max() > 0.1
+        assert code.step(state, pose, 0.3, None, h, k) == 1
+        code.branches(state, branches)
+        code.value(pose, still)
+        np.testing.assert_allclose(h, still + BRANCHES[1] @ branches, rtol=1e-9, atol=1e-9)
+        outcomes.add(code.adapt(adapted, None, pose, h, 0.3, h, k, branches))
+    assert np.abs(branches[0]).max() > 0.1
     assert 1 in outcomes  # readings change the parameters
     assert 5 not in outcomes  # and none is refused
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +29,7 @@ from ecm.models.measured_poses import are_inside
 from ecm.regression.rows import taken_by
 from support.cortex_m import WARNINGS
 from support.driven import PRESSURES, arm_table
-from support.exports import HEAD, loaded_library, written
+from support.exports import HEAD, CompiledC, written
 from support.fmu import Instance
 from support.models import with_effects
 from support.neck import ROOT
@@ -56,18 +53,6 @@ def rows(table: Table) -> F:
     return table.select(np.arange(60, 100)).matrix((*POSE, *PRESSURES))
 
 
-def called(folder: Path, kind: Any = ctypes.c_double) -> Callable[..., tuple[int, list[F]]]:
-    """Calls a function of `arm.c` in a folder with arrays; what it leaves in them."""
-    functions = loaded_library(folder / "arm.c", *WARNINGS)
-
-    def call(name: str, *arrays: F) -> tuple[int, list[F]]:
-        given = [(kind * array.size)(*array.ravel()) for array in arrays]
-        said = getattr(functions, f"arm_{name}")(*given)
-        return said, [np.array(array) for array in given]
-
-    return call
-
-
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("name", ["actuated4", "quadratic"])
 def test_c_is_the_model_with_its_inputs(
@@ -80,13 +65,16 @@ def test_c_is_the_model_with_its_inputs(
     built = ended(gcc, *WARNINGS, "-O2", tmp_path / "arm.c", tmp_path / "arm_check.c", "-o", check)
     assert built.stderr == ""
     ended(check)
-    share, kind = (1e-10, ctypes.c_double) if precision == "double" else (1e-4, ctypes.c_float)
-    call = called(folder, kind)
+    share, real = (1e-10, np.float64) if precision == "double" else (1e-4, np.float32)
+    code, h, slopes = (
+        CompiledC(folder / "arm.c", *WARNINGS),
+        np.zeros(6, real),
+        np.zeros((6, 9), real),
+    )
     for row in rows:
-        _, (_, h, k) = call("value_and_stiffness", row, np.zeros(6), np.zeros(54))
+        code.value_and_stiffness(row.astype(real), h, slopes)
         expected = model.predict(row[None])[0]
         np.testing.assert_allclose(h, expected, atol=share * np.abs(expected).max())
-        slopes = k.reshape(6, 9)
         step = 1e-6 * np.array([0.1] * 3 + [1.0] * 3 + [2e4] * 3)
         differences = [
             (model.predict((row + d)[None])[0] - model.predict((row - d)[None])[0]) / (2 * d.max())
@@ -94,10 +82,9 @@ def test_c_is_the_model_with_its_inputs(
         ]
         for found, column in zip(slopes.T, differences, strict=True):
             np.testing.assert_allclose(found, column, atol=max(share, 1e-5) * np.abs(column).max())
-        said, _ = call("inside", row)
-        assert said == are_inside(model, row[None])[0]
-    assert call("inside", [*rows[0, :8], 1e6] * np.ones(9))[0] == 0
-    _, (_, h) = call("value", [*rows[0, :8], np.nan] * np.ones(9), np.zeros(6))
+        assert code.inside(row.astype(real)) == are_inside(model, row[None])[0]
+    assert code.inside(np.array([*rows[0, :8], 1e6], real)) == 0
+    code.value(np.array([*rows[0, :8], np.nan], real), h)
     assert np.isnan(h).all()
 
 
@@ -137,26 +124,26 @@ def test_recorded_inputs_are_stepped_in_c_as_in_a_log(
     ids = ", ".join(effect.id for effect, _ in OF_INPUTS[kind])
     assert f"Steps of the recorded inputs to those that act: {ids}; " in str(exported)
     written(model, tmp_path, "c", name="arm")
-    step = loaded_library(tmp_path / "arm_steps.c", tmp_path / "arm.c", *WARNINGS)
-    nine, six, number = ctypes.c_double * 9, ctypes.c_double * 6, ctypes.c_double
-    state, h, k, acting = (number * 64)(), six(), (number * 54)(), nine()
-    other, slope = six(), (number * 54)()
-    recorded, expected = log.matrix((*POSE, *PRESSURES)), model.predict(log)
-    step.arm_init(state, nine(*recorded[0]))
+    code = CompiledC(tmp_path / "arm_steps.c", tmp_path / "arm.c", *WARNINGS, name="arm")
+    state, h, k, acting = np.zeros(64), np.zeros(6), np.zeros((6, 9)), np.zeros(9)
+    other, slope = np.zeros_like(h), np.zeros_like(k)
+    recorded = np.ascontiguousarray(log.matrix((*POSE, *PRESSURES)))
+    expected = model.predict(log)
+    code.init(state, recorded[0])
     for row, dt, wrench in zip(
         recorded, np.diff(log["time_s"], prepend=log["time_s"][0]), expected, strict=True
     ):
         for pose, wrong in ((row * np.where(np.arange(9) == 7, np.nan, 1.0), 1.0), (row, -1.0)):
-            saved = bytes(state)
-            assert step.arm_step(state, nine(*pose), number(wrong), h, k, acting) == 0
-            assert np.isnan([*h, *k, *acting]).all()
-            assert bytes(state) == saved
-        assert step.arm_step(state, nine(*row), number(dt), h, k, acting) == 1
+            saved = state.tobytes()
+            assert code.step(state, pose, wrong, h, k, acting) == 0
+            assert np.isnan([*h, *k.ravel(), *acting]).all()
+            assert state.tobytes() == saved
+        assert code.step(state, row, dt, h, k, acting) == 1
         np.testing.assert_allclose(h, wrench, rtol=0.0, atol=1e-12 * np.abs(expected).max())
-        step.arm_value_and_stiffness(nine(*row), other, slope)
-        there = np.array(other) + np.reshape(slope, (6, 9)) @ (np.array(acting) - row)
+        code.value_and_stiffness(row, other, slope)
+        there = other + slope @ (acting - row)
         np.testing.assert_allclose(h, there, rtol=0.0, atol=1e-9 * np.abs(expected).max())
-        step.arm_value_and_stiffness(acting, other, slope)
+        code.value_and_stiffness(acting, other, slope)
         np.testing.assert_array_equal(k, slope)
     assert np.abs(expected - model.base.predict(recorded)).max() > 1e-3 * np.abs(expected).max()
 
@@ -230,18 +217,17 @@ def test_what_has_no_steps_of_the_inputs_names_the_target_that_has(
 
 
 def test_free_pose_in_c_is_that_of_the_model(model: Model, rows: F, tmp_path: Path) -> None:
-    call = called(written(model, tmp_path, "c", name="arm"))
+    code = CompiledC(written(model, tmp_path, "c", name="arm") / "arm.c", *WARNINGS)
     rest, wrench = np.array([0.1, 0, 0, 0, 0, 0]), np.array([0.3, 0.1, -0.1, 0.0, 0.005, 0.0])
     for pressures in rows[:10, 6:]:
         for load in (np.zeros(6), wrench):
-            count, (*_, pose) = call("free_pose", pressures, load, rest)
-            assert 0 < count < 8
+            pose = rest.copy()
+            assert 0 < code.free_pose(pressures, load, pose) < 8
             np.testing.assert_allclose(pose, model.free_pose(pressures, load)[0], atol=1e-9)
-            again, _ = call("free_pose", pressures, load, pose)
-            assert again == 1
+            assert code.free_pose(pressures, load, pose) == 1
     # Where there is none the pose stays.
-    count, (*_, pose) = call("free_pose", rows[0, 6:], np.array([1e9, 0, 0, 0, 0, 0]), rest)
-    assert count == 0
+    pose = rest.copy()
+    assert code.free_pose(rows[0, 6:], np.array([1e9, 0, 0, 0, 0, 0]), pose) == 0
     np.testing.assert_array_equal(pose, rest)
 
 

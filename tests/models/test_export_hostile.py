@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
 import re
 import sys
@@ -20,7 +19,7 @@ from ecm.models import Model, fit_model, load_model, registry
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
 from ecm.models.export.simulators import fitted_expressions
-from support.exports import fitted, loaded_library, thousand_poses, written
+from support.exports import CompiledC, fitted, thousand_poses, written
 from support.models import with_time
 from support.programs import ended, need_program
 
@@ -139,22 +138,20 @@ def test_a_scene_has_the_gravity_of_the_data(to: str) -> None:
 def test_a_pose_that_is_a_fault_leaves_the_state_as_it_was(tmp_path: Path) -> None:
     """A finite pose far beyond the data would else stay in the memory for its time constants."""
     model = with_time(fitted("energy4"))
-    code = loaded_library(written(model, tmp_path, "c") / "neck.c")
-    six = ctypes.c_double * 6
+    code = CompiledC(written(model, tmp_path, "c") / "neck.c")
     controller = model.controller()
     poses = thousand_poses()[:5]
-    state, h, k = (ctypes.c_double * 49)(), six(), (ctypes.c_double * 36)()
-    code.neck_init(state, six(*poses[0]))
+    state, h, k = np.zeros(49), np.zeros(6), np.zeros(36)
+    code.init(state, poses[0])
     controller.init(poses[0])
-    dt = ctypes.c_double(0.01)
     for fault in (1e3 * np.eye(6)[1], np.array([1e9, 0, 0, 0, 0, 0]), 0.3 * np.eye(6)[0]):
         kept, here = bytes(state), controller.state
-        assert code.neck_step(state, six(*fault), dt, None, h, k) == 0
-        assert np.isnan(np.array(h)).all()
+        assert code.step(state, fault, 0.01, None, h, k) == 0
+        assert np.isnan(h).all()
         assert np.isnan(controller.step(fault, 0.01)[0]).all()
         assert bytes(state) == kept
         np.testing.assert_array_equal(controller.state, here)
-    assert code.neck_init((ctypes.c_double * 49)(), six(1e9, 0, 0, 0, 0, 0)) == 0
+    assert code.init(np.zeros(49), np.array([1e9, 0, 0, 0, 0, 0])) == 0
     for pose in poses:
-        assert code.neck_step(state, six(*pose), dt, None, h, k) == 1
+        assert code.step(state, pose, 0.01, None, h, k) == 1
         np.testing.assert_allclose(h, controller.step(pose, 0.01)[0], rtol=1e-9, atol=1e-9)

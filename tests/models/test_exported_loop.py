@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model
 from support.campaigns import campaign
 from support.control_loops import errors_in_c, errors_in_rust, exported_to
-from support.exports import loaded_library
+from support.exports import CompiledC
 from support.models import with_time
 from support.neck import Command
 
@@ -34,15 +33,11 @@ def test_the_result_of_the_loop_is_exported_and_errs_as_the_noise(
     path = quick_job / "model-loop.json"
     ran = ecm_command("export", path, "--to", "c", "--out", tmp_path, "--name", "neck").good()
     assert "holds 200 of 200 poses" in ran.out
-    code, six = loaded_library(tmp_path / "neck.c"), ctypes.c_double * 6
-    model = load_model(path)
+    code, model = CompiledC(tmp_path / "neck.c"), load_model(path)
     table = as_table(str(quick_job / "measured-loop.csv")).measured()
-    poses, said = table.matrix(model.inputs), np.zeros((len(table), 6))
-    for row, pose in zip(said, poses, strict=True):
-        assert code.neck_inside(six(*pose)) == 1
-        h = six()
-        code.neck_value(six(*pose), h)
-        row[:] = h
+    poses = np.ascontiguousarray(table.matrix(model.inputs))
+    assert all(code.inside(pose) for pose in poses)
+    said = code.wrenches(poses, 6)
     variance = np.einsum("njj->nj", model.noise.covariance(model.rows_at(poses)))
 
     def over_noise(errors: F) -> float:

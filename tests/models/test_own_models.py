@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import parse_model, registry
 from ecm.models.expression import FUNCTIONS, Expression
-from support.exports import loaded_library
+from support.exports import CompiledC
 from support.neck import columns_of
 
 NOISE_N = 0.05
@@ -176,11 +175,8 @@ def test_an_expression_of_few_columns_is_exported_as_a_polynomial(
     model = ecm.fit(table, Expression("\n".join(equations), **start))
     exported = ecm.export(model, "c", tmp_path)
     assert any(f"Folded into {form}: expression" in note for note in exported.notes)
-    code, pointer = loaded_library(tmp_path / "ecm_model.c"), ctypes.POINTER(ctypes.c_double)
     poses = np.ascontiguousarray(table.matrix(model.inputs))
-    got = np.zeros((len(poses), len(model.outputs)))
-    for pose, wrench in zip(poses, got, strict=True):
-        code.ecm_model_value(pose.ctypes.data_as(pointer), wrench.ctypes.data_as(pointer))
+    got = CompiledC(tmp_path / "ecm_model.c").wrenches(poses, len(model.outputs))
     error = got - model.predict(poses)
     assert np.sqrt((error**2).mean(axis=0)).max() < 0.2 * NOISE_N
 

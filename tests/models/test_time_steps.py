@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import ctypes
 import pickle
 import re
 from dataclasses import replace
@@ -37,7 +36,7 @@ from ecm.models.controller import Controller
 from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
-from support.exports import loaded_library, written
+from support.exports import CompiledC, written
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 
 LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
@@ -96,19 +95,15 @@ def test_a_growth_steps_as_fitted_and_in_exported_c(plain: Model, tmp_path: Path
     table = recorded(model)
     controller.init(table.poses[0])
     kelvin = table.column("temperature_degC")
-    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
-    state = (ctypes.c_double * 49)()
-    assert code.neck_init(state, (ctypes.c_double * 6)(*table.poses[0])) == 1
-    h, k = (ctypes.c_double * 6)(), (ctypes.c_double * 36)()
+    code = CompiledC(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
+    state, h, k = np.zeros(49), np.zeros(6), np.zeros((6, 6))
+    assert code.init(state, table.poses[0].copy()) == 1
     stepped = []
     for pose, warm in zip(table.poses, kelvin, strict=True):
         wrench, tangent = controller.step(pose, 0.1, temperature_degC=warm)
-        inputs = (ctypes.c_double * 2)(warm, 0.0)
-        assert code.neck_step(
-            state, (ctypes.c_double * 6)(*pose), ctypes.c_double(0.1), inputs, h, k
-        )
-        np.testing.assert_allclose(np.array(h), wrench, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(np.array(k), tangent.ravel(), rtol=0, atol=1e-4)
+        assert code.step(state, pose.copy(), 0.1, np.array([warm, 0.0]), h, k)
+        np.testing.assert_allclose(h, wrench, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(k, tangent, rtol=0, atol=1e-4)
         stepped.append(wrench)
     with_growth, without = model.predict(table), plain.predict(table)
     assert np.abs(with_growth - stepped).max() < 0.05 * np.abs(with_growth - without).max()
@@ -237,44 +232,37 @@ def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path
     exported = export_files(model, "c", "neck", loop=LOOP)
     assert exported.left_out == ("fts_offset",)
     assert any("fts_offset (an error of the instruments" in note for note in exported.notes)
-    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
-    state = (ctypes.c_double * 49)()
-    assert ctypes.sizeof(state) <= 400
+    code = CompiledC(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
+    state, h, k = np.zeros(49), np.zeros(6), np.zeros((6, 6))
+    assert state.nbytes <= 400
     controller = model.controller()
     poses = poses_like_measured(model, 40)
     controller.init(poses[0])
-    assert code.neck_init(state, (ctypes.c_double * 6)(*poses[0])) == 1
-    h, k = (ctypes.c_double * 6)(), (ctypes.c_double * 36)()
-    inputs = (ctypes.c_double * 2)(26.0, 0.0)
+    assert code.init(state, poses[0]) == 1
     for i, pose in enumerate(poses):
         dt = 10.0 ** (i % 6 - 3)
-        assert code.neck_step(
-            state, (ctypes.c_double * 6)(*pose), ctypes.c_double(dt), inputs, h, k
-        )
+        assert code.step(state, pose, dt, np.array([26.0, 0.0]), h, k)
         wrench, tangent = controller.step(pose, dt, temperature_degC=26.0)
-        np.testing.assert_allclose(np.array(h), wrench, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(np.array(k), tangent.ravel(), rtol=0, atol=1e-8 * 1e4)
-    np.testing.assert_allclose(np.array(state), controller.state, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(h, wrench, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(k, tangent, rtol=0, atol=1e-8 * 1e4)
+    np.testing.assert_allclose(state, controller.state, rtol=1e-9, atol=1e-9)
     # Beyond the training data `inside` says so and a step is finite; after a gap it is settled.
     far = np.array([0.15, 0.05, -0.05, 1.0, 1.0, 1.0])
-    assert code.neck_inside((ctypes.c_double * 6)(*far)) == 0
+    assert code.inside(far) == 0
     for pose, dt in ((far, 1e-3), (poses[0], 3.6e4), (poses[0], 3.6e4)):
-        told = (ctypes.c_double * 6)(*pose)
-        assert code.neck_step(state, told, ctypes.c_double(dt), None, h, k) == 1
-        assert np.isfinite(np.array([*h, *k])).all()
-    friction = np.array(state)[18:24]
-    assert np.abs(friction).max() > 0.0
-    assert np.abs(np.array(state)[24:36]).max() < 1e-9 * np.abs(np.array(h)).max()
+        assert code.step(state, pose, dt, None, h, k) == 1
+        assert np.isfinite([*h, *k.ravel()]).all()
+    assert np.abs(state[18:24]).max() > 0.0  # friction stays
+    assert np.abs(state[24:36]).max() < 1e-9 * np.abs(h).max()
     # A state that was damaged on its way is refused, as Rust and Python refuse to take it.
-    damaged, told = (ctypes.c_double * 49)(*state), (ctypes.c_double * 6)(*poses[0])
     for place in range(49):
+        damaged = state.copy()
         damaged[place] = (np.nan, np.inf)[place % 2]
-        before = bytes(damaged)
-        assert code.neck_step(damaged, told, ctypes.c_double(1e-3), None, h, k) == 0
-        assert code.neck_predict_ahead(damaged, told, 1, ctypes.c_double(1e-3), None, h, k) == 0
-        assert np.isnan(np.array([*h, *k])).all()
-        assert bytes(damaged) == before
-        damaged[place] = state[place]
+        before = damaged.tobytes()
+        assert code.step(damaged, poses[0], 1e-3, None, h, k) == 0
+        assert code.predict_ahead(damaged, poses[0], 1, 1e-3, None, h, k) == 0
+        assert np.isnan([*h, *k.ravel()]).all()
+        assert damaged.tobytes() == before
 
 
 @pytest.mark.parametrize(
@@ -443,13 +431,12 @@ def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_th
     assert f"default {reference}, from {low} to {high}" in exported.files["neck.h"]
     rust = export_files(model, "rust", "neck", loop=LOOP).files["src/lib.rs"]
     assert f"default {reference}, from {low} to {high}" in rust
-    code = loaded_library(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
+    code = CompiledC(written(model, tmp_path, "c", loop=LOOP) / "neck.c")
     for temperature, age, inside in (
         (low, 0.0, 1), (high, last, 1), (low - 0.01, 0.0, 0), (high + 0.01, 0.0, 0),
         (reference, last + 1.0, 0), (reference, -1.0, 0), (np.nan, 0.0, 0), (reference, np.inf, 0),
     ):  # fmt: skip
-        inputs = (ctypes.c_double * 2)(temperature, age)
-        assert code.neck_inputs_inside(inputs) == inside
+        assert code.inputs_inside(np.array([temperature, age])) == inside
         assert controller.inputs_inside(temperature_degC=temperature, age_s=age) == bool(inside)
     # Outside them a step extrapolates and stays finite.
     pose = poses_like_measured(model, 1)[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +10,18 @@ import pytest
 from ecm.effects.ageing import Ageing
 from ecm.effects.motion import ViscousDamping
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.table import as_table, read_table
 from ecm.models import Expression, Model, fit_model
 from ecm.models.control_loop import LoopSettings
 from ecm.models.export import export, export_files
 from support.campaigns import campaign
-from support.exports import loaded_library
+from support.cortex_m import WARNINGS
+from support.exports import CompiledC
 from support.models import with_effects
 from support.neck import ROOT
 from support.one_angle import NOISE_NM, one_angle
-from support.programs import need_program
+from support.programs import ended, need_program
 
 COLUMN = "unused_column:slider_mm"
 """An effect of a column that files do not take."""
@@ -30,30 +29,26 @@ COLUMN = "unused_column:slider_mm"
 META = ROOT / "examples" / "viscoelastic_shear.toml"
 
 
-def built(model: Model, folder: Path, *, force: bool = False) -> ctypes.CDLL:
+def built(model: Model, folder: Path, *, force: bool = False) -> CompiledC:
     """The exported code as a library, after its own check of the golden values."""
-    gcc = need_program("gcc")
     export(model, "c", folder, name="line", force=force)
-    strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
-    check = [gcc, *strict, "line.c", "line_check.c", "-o", "check"]
-    subprocess.run(check, cwd=folder, check=True)
-    subprocess.run([folder / "check"], check=True)
-    return loaded_library(folder / "line.c", *strict)
+    check = folder / "check"
+    strict = ["-std=c99", "-O2", *WARNINGS]
+    ended(need_program("gcc"), *strict, folder / "line.c", folder / "line_check.c", "-o", check)
+    ended(check)
+    return CompiledC(folder / "line.c", *WARNINGS)
 
 
 def stepped_in_c(model: Model, points: F, times: F, folder: Path) -> F:
     """Wrench of the exported code after each step."""
     assert export_files(model, "c", "line").left_out == ()
     code = built(model, folder)
-    state, h, k = (ctypes.c_double * 9)(), ctypes.c_double(), ctypes.c_double()
-    assert code.line_init(state, ctypes.byref(ctypes.c_double(points[0]))) == 1
-    said = []
-    for point, dt in zip(points, np.diff(times, prepend=times[0]), strict=True):
-        point_of_c = ctypes.byref(ctypes.c_double(point))
-        told = (point_of_c, ctypes.c_double(dt), None, ctypes.byref(h), ctypes.byref(k))
-        assert code.line_step(state, *told) == 1
-        said.append(h.value)
-    return np.array(said)
+    state, k, said = np.zeros(9), np.zeros(1), np.zeros((len(points), 1))
+    assert code.init(state, points[:1].copy()) == 1
+    steps = np.diff(times, prepend=times[0])
+    for point, dt, h in zip(points[:, None], steps, said, strict=True):
+        assert code.step(state, point, dt, None, h, k) == 1
+    return said[:, 0]
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, 2.0])
@@ -69,12 +64,9 @@ def test_a_rate_left_out_is_stepped_as_well_in_c(
     said = stepped_in_c(model, unseen.column("x_m"), unseen.column("time_s"), tmp_path)
     truth = unseen.column("fx_N")
 
-    def error(wrench: np.ndarray) -> float:
-        return float(np.sqrt(((truth - wrench) ** 2).mean()))
-
-    stepped = error(said)
-    assert stepped <= 1.02 * error(model.predict(unseen)[:, 0])
-    assert error(static.predict(unseen)[:, 0]) > 2.8 * stepped
+    stepped = rms(truth - said)
+    assert stepped <= 1.02 * rms(truth - model.predict(unseen)[:, 0])
+    assert rms(truth - static.predict(unseen)[:, 0]) > 2.8 * stepped
 
 
 @pytest.mark.parametrize(
@@ -118,14 +110,11 @@ def test_what_acts_on_one_angle_is_folded_into_its_polynomial(kind: str, tmp_pat
         with pytest.raises(InputError, match=r"(?s)times the measurement noise.*force=True"):
             export(model, "c", tmp_path, name="line")
     code = built(model, tmp_path, force=True)
-    angles, h, k = np.linspace(-0.45, 0.45, 300), ctypes.c_double(), ctypes.c_double()
-    said = []
-    for angle in angles:
-        point = ctypes.byref(ctypes.c_double(angle))
-        code.line_value_and_stiffness(point, ctypes.byref(h), ctypes.byref(k))
-        said.append(h.value)
-    off = np.sqrt(((np.array(said) - model.predict(angles[:, None])[:, 0]) ** 2).mean())
-    plain = np.sqrt(((np.array(said) - static.predict(angles[:, None])[:, 0]) ** 2).mean())
+    angles = np.linspace(-0.45, 0.45, 300)[:, None]
+    said, k = np.zeros((300, 1)), np.zeros(1)
+    for angle, h in zip(angles, said, strict=True):
+        code.value_and_stiffness(angle, h, k)
+    off, plain = rms(said - model.predict(angles)), rms(said - static.predict(angles))
     np.testing.assert_allclose(off, exported.folding * NOISE_NM, rtol=0.25, atol=0.03 * NOISE_NM)
     assert exported.folding < (0.2 if kind == "higher_degree" else 2.0)
     assert off < 0.5 * plain

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,13 +17,13 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
-from support.exports import loaded_library, written
+from support.cortex_m import WARNINGS
+from support.exports import CompiledC, written
 from support.fmu import Instance
 from support.models import with_effects
 from support.one_angle import bouc_wen
-from support.programs import cargo, need_linux, need_program
+from support.programs import cargo, ended, need_linux, need_program
 
-STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
 PLANAR = (("x_m", "z_m", "theta_y_rad"), ("fx_N", "fz_N", "tau_y_Nm"))
 SIZE = dict(zip(POSE, [4e-3] * 3 + [0.3] * 3, strict=True))
 LOAD = dict(zip(WRENCH, [20.0] * 3 + [0.5] * 3, strict=True))
@@ -104,21 +102,20 @@ class Code:
         exported = export_files(model, "c", "neck")
         assert exported.left_out == ()
         written(model, folder, "c")
-        check = [need_program("gcc"), "-std=c99", "-O2", *STRICT, "neck.c", "neck_check.c"]
-        subprocess.run([*check, "-o", "check"], cwd=folder, check=True)
-        subprocess.run([folder / "check"], check=True)
+        strict, check = ("-std=c99", "-O2", *WARNINGS), folder / "check"
+        ended(need_program("gcc"), *strict, folder / "neck.c", folder / "neck_check.c", "-o", check)
+        ended(check)
         self.n, self.m = len(model.inputs), len(model.outputs)
-        self.library = loaded_library(folder / "neck.c", *STRICT)
-        self.state = (ctypes.c_double * (3 * self.n + 5 * self.m + 1))()
+        self.functions = CompiledC(folder / "neck.c", *WARNINGS)
+        self.state = np.zeros(3 * self.n + 5 * self.m + 1)
 
     def init(self, pose: F) -> None:
-        assert self.library.neck_init(self.state, (ctypes.c_double * self.n)(*pose)) == 1
+        assert self.functions.init(self.state, pose) == 1
 
-    def step(self, pose: F, dt: float) -> tuple[F, F]:
-        h, k = (ctypes.c_double * self.m)(), (ctypes.c_double * (self.n * self.m))()
-        p = (ctypes.c_double * self.n)(*pose)
-        assert self.library.neck_step(self.state, p, ctypes.c_double(dt), None, h, k) == 1
-        return np.array(h), np.array(k).reshape(self.m, self.n)
+    def step(self, pose: F, dt: float, inputs: F | None = None) -> tuple[F, F]:
+        h, k = np.zeros(self.m), np.zeros((self.m, self.n))
+        assert self.functions.step(self.state, pose, dt, inputs, h, k) == 1
+        return h, k
 
     def along(self, time: F, poses: F) -> F:
         """Wrenches of a motion from the state at rest at its first pose."""
@@ -128,14 +125,14 @@ class Code:
 
     def slope(self, pose: F, dt: float) -> F:
         """Central differences of the step, which leave the state."""
-        columns, before = [], bytes(self.state)
+        columns, before = [], self.state.copy()
         for name, unit in zip(SIZE, np.eye(self.n), strict=False):
             ends = []
             for way in (1e-5, -1e-5):
-                self.state = type(self.state).from_buffer_copy(before)
+                self.state[:] = before
                 ends.append(self.step(pose + way * SIZE[name] * unit, dt)[0])
             columns.append((ends[0] - ends[1]) / (2e-5 * SIZE[name]))
-        self.state = type(self.state).from_buffer_copy(before)
+        self.state[:] = before
         return np.stack(columns, axis=1)
 
 
@@ -244,8 +241,7 @@ def test_the_crate_of_columns_steps_as_python_predicts(tmp_path: Path) -> None:
     told = np.column_stack([np.diff(time, prepend=time[0]), poses])
     rows = "\n".join(" ".join(repr(float(x)) for x in row) for row in told)
     program = target / "release" / "examples" / "steps"
-    done = subprocess.run([program], input=rows, capture_output=True, text=True, check=True)
-    said = np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+    said = np.loadtxt(ended(program, input=rows).stdout.splitlines())
     predicted = model.predict(table_of(model, time, poses))
     scale = np.abs(predicted).max(axis=0)
     np.testing.assert_allclose(said[:, :3] / scale, predicted / scale, rtol=0.0, atol=1e-12)
@@ -318,12 +314,10 @@ def test_growth_and_temperature_step_by_the_unit_of_each_column(tmp_path: Path) 
     )
     code, pose = Code(model, tmp_path), np.array([3e-3, -2e-3, 0.2])
     code.init(pose)
-    h, k = (ctypes.c_double * 3)(), (ctypes.c_double * 9)()
-    warm, p = (ctypes.c_double * 2)(26.0, 0.0), (ctypes.c_double * 3)(*pose)
-    assert code.library.neck_step(code.state, p, ctypes.c_double(1.0), warm, h, k) == 1
+    h, k = code.step(pose, 1.0, inputs=np.array([26.0, 0.0]))
     g = 1.0 + 5.0 * alpha
     own = pose / [g, g, 1.0]
     scale = (1.0 - 5.0 * beta) * np.array([g**2, g**2, g**3])
     np.testing.assert_allclose(h, scale * model.base.predict(own[None])[0], rtol=1e-12)
     slope = scale[:, None] * model.base.stiffness(own[None])[0] / [g, g, 1.0]
-    np.testing.assert_allclose(np.reshape(k, (3, 3)), slope, rtol=1e-10, atol=1e-9)
+    np.testing.assert_allclose(k, slope, rtol=1e-10, atol=1e-9)

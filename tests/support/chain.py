@@ -6,7 +6,6 @@ through all steps with one table and one base, and says what did not hold.
 
 from __future__ import annotations
 
-import ctypes
 import json
 import shlex
 import shutil
@@ -24,7 +23,7 @@ from ecm.io.table import Table, read_table
 from ecm.models import Model, load_model
 from ecm.models.partial import measured_part
 from ecm.workflow.app.steps import Files, command_of
-from support.exports import loaded_library
+from support.exports import CompiledC
 from support.neck import ROOT, SHARED_DATA, Command, Done, csv_text
 
 BASES = ("linear", "cubic", "choose", "energy4", "energy5", "energy6", "physics", "rod")
@@ -393,13 +392,10 @@ class Walk:
 
     def _compiled(self, model: str, folder: Path) -> None:
         """The compiled model must give at the measured rows what `predict` gives there."""
-        found, code = load_model(model), loaded_library(folder.resolve() / "ecm_model.c")
+        found, code = load_model(model), CompiledC(folder.resolve() / "ecm_model.c")
         rows = self.rows.measured()
         poses = np.ascontiguousarray(rows.matrix(found.inputs))
-        expected, got = found.predict(poses), np.zeros((len(poses), len(found.outputs)))
-        pointer = ctypes.POINTER(ctypes.c_double)
-        for pose, wrench in zip(poses, got, strict=True):
-            code.ecm_model_value(pose.ctypes.data_as(pointer), wrench.ctypes.data_as(pointer))
+        expected, got = found.predict(poses), code.wrenches(poses, len(found.outputs))
         there = [j for j, name in enumerate(found.outputs) if rows.has(name)]
         noise = self._noise(self._measured(found, rows), rows)
         over = (np.sqrt(((got - expected)[:, there] ** 2).mean(axis=0)) / noise).max()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ecm.io.arrays import F
 from ecm.models import Model, fit_model
@@ -37,11 +40,35 @@ def written(model: Model, folder: Path, target: str, precision: str = "double", 
     return folder
 
 
-def loaded_library(*sources: object) -> ctypes.CDLL:
-    """The shared library of C sources and what is linked to them, beside the first of them."""
-    library = Path(str(sources[0])).with_suffix(".so")
-    ended(need_program("gcc", "cc"), "-std=c99", "-O2", "-shared", "-fPIC", *sources, "-o", library)
-    return ctypes.CDLL(str(library))
+class CompiledC:
+    """The functions of exported C, by their names without that of the model.
+
+    They take and fill arrays, and read numbers. The library stands beside the source; `linked` are
+    further sources, libraries and options of the compiler.
+    """
+
+    def __init__(self, source: Path, *linked: object, name: str = "") -> None:
+        library, how = source.with_suffix(".so"), ("-std=c99", "-O2", "-shared", "-fPIC")
+        ended(need_program("gcc", "cc"), *how, source, *linked, "-o", library)
+        self._library, self._name = ctypes.CDLL(str(library)), name or source.stem
+
+    def __getattr__(self, name: str) -> Callable[..., int]:
+        function = getattr(self._library, f"{self._name}_{name}")
+        return lambda *given: int(function(*map(_as_c, given)))
+
+    def wrenches(self, poses: F, outputs: int) -> F:
+        """(N, m) wrenches at poses, each by a call."""
+        found = np.zeros((len(poses), outputs))
+        for pose, wrench in zip(poses, found, strict=True):
+            self.value(pose, wrench)
+        return found
+
+
+def _as_c(given: Any) -> Any:
+    if not isinstance(given, np.ndarray):
+        return ctypes.c_double(given) if isinstance(given, float) else given
+    assert given.flags.c_contiguous
+    return given.ctypes
 
 
 def adapter_library(folder: Path, *options: object) -> Path:
