@@ -20,8 +20,8 @@ from ecm.models.evaluation import pose_error
 from ecm.models.selection import choose_model, default_candidates
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
-from support.driven import ARM, PRESSURES, VOLUMES, arm_table
-from support.neck import ROOT, Command
+from support.driven import ARM, PRESSURES, VOLUMES, arm_table, measured
+from support.neck import ROOT, Command, way_out
 
 ARM_FILE = ROOT / "examples" / "soft_arm.toml"
 
@@ -475,8 +475,7 @@ def test_what_does_not_fit_is_said(train: Table, model: Model) -> None:
         ecm.fit_model(train, "energy4", force=True).free_pose(np.zeros(3))
     with pytest.raises(InputError, match=r"vary, and energy4 does not take them") as refused:
         ecm.fit_model(train, "energy4")
-    assert refused.value.remedy is not None
-    assert "--model actuated4" in refused.value.remedy.command
+    assert "--model actuated4" in way_out(refused.value).command
     with pytest.raises(InputError, match=r"expected \(N, 6\) and \(N, 3\)"):
         model.predict(np.zeros((2, 6)), np.zeros((2, 2)))
 
@@ -494,13 +493,7 @@ def test_at_constant_inputs_it_is_an_energy_of_the_pose(model: Model, fresh: Tab
 
 def recorded_wrong(table: Table, model: Model, true: F) -> Table:
     """The table as if these pressures (N, 3) had acted in place of the recorded ones."""
-    at = table.matrix(POSE)
-    noise = np.random.default_rng(1).standard_normal((len(table), 6))
-    wrenches = model.predict(at, true) + noise * np.repeat([0.004, 1.2e-4], 3)
-    columns = {name: table[name] for name in (*POSE, *PRESSURES)}
-    columns |= dict(zip(WRENCH, wrenches.T, strict=True))
-    noise_figures = {"force_sd_N": 0.004, "torque_sd_Nm": 1.2e-4}
-    return ecm.as_table(columns, meta={**ARM, "instrument": noise_figures})
+    return measured(table.drop(*VOLUMES), model, true)
 
 
 @pytest.mark.parametrize(
@@ -545,8 +538,7 @@ def test_three_forces_fit_and_name_as_six_loads_do(
     assert "pressure_gain" not in {item.id for item in found.not_testable}
     with pytest.raises(InputError, match="known for fx_N, fy_N, fz_N alone") as refused:
         ecm.export(fitted, "c", tmp_path / "out")
-    assert refused.value.remedy is not None
-    assert "--model cubic" in refused.value.remedy.command
+    assert "--model cubic" in way_out(refused.value).command
 
 
 def test_what_chambers_that_act_for_themselves_take_in_is_named_beside_equal_ones(

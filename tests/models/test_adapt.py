@@ -9,12 +9,9 @@ from ecm._native import rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
-from ecm.io.description import Meta
-from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.controller import OUTCOMES, Adapter, AdaptSettings
-from support.campaigns import workspace_poses
-from support.neck import columns_of
+from support.campaigns import exact_table, workspace_poses
 from support.stand_in import L, wrench
 
 RATE = 20.0
@@ -29,8 +26,7 @@ def model() -> Model:
     random = np.random.default_rng(5)
     poses = workspace_poses(200, 4)
     read = wrench(poses) + WRENCH_SD * random.standard_normal((200, 6))
-    columns = columns_of(poses, read)
-    return fit_model(Table(columns, Meta(mechanism={"length_m": L}), "t"), "energy6")
+    return fit_model(exact_table(poses, read), "energy6")
 
 
 @pytest.fixture

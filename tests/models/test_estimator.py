@@ -12,7 +12,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, choose_model, fit_model
-from support.campaigns import workspace_poses
+from support.campaigns import exact_table, workspace_poses
 from support.neck import Done, columns_of
 from support.stand_in import L, wrench
 
@@ -21,8 +21,7 @@ Y = wrench(X)
 
 
 def test_the_estimator_fits_and_predicts_as_the_model() -> None:
-    columns = columns_of(X, Y)
-    model = fit_model(Table(columns, Meta(mechanism={"length_m": L}), "same"), "energy4")
+    model = fit_model(exact_table(X, Y), "energy4")
     estimator = ModelEstimator(EnergyModel(4), length_m=L).fit(X, Y)
     np.testing.assert_array_equal(estimator.predict(X), model.predict(X))
     assert estimator.score(X, Y) > 1.0 - 1e-9
@@ -94,10 +93,9 @@ def test_options_have_names_and_shapes() -> None:
 
 def test_of_a_few_poses_an_energy_is_chosen_and_no_command_refuses_what_it_prints() -> None:
     """Six poses carry no linear model of six coordinates, but an energy, which needs the length."""
-    columns = columns_of(X[:6], Y[:6])
-    stated = Table(columns, Meta(mechanism={"length_m": L}), "six")
+    stated = exact_table(X[:6], Y[:6])
     assert choose_model(stated).best.name.startswith("energy")
     for model in ("linear", "energy4", "choose"):
         with pytest.raises(InputError, match="length_m in the data's TOML") as refused:
-            fit_model(Table(columns, Meta(), "six"), model)
+            fit_model(stated.with_meta(Meta()), model)
         assert "choose" not in str(refused.value)

@@ -10,9 +10,9 @@ import pytest
 
 import ecm
 from ecm.effects.friction import Hysteresis
-from ecm.errors import ComputationError, remedy_of
+from ecm.errors import ComputationError
 from ecm.io.arrays import rms
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.errors import FitRecord
@@ -21,7 +21,7 @@ from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import _worse_held_out, objections, refit, refuse_addition, undetermined
 from ecm.regression.noise import Noise
 from support.driven import ARM, NOISE, arm_table
-from support.neck import ROOT
+from support.neck import ROOT, columns_of, way_out
 from support.one_angle import NOISE_NM, one_angle, prandtl_play
 
 TRUE_MASS_KG = 0.2086
@@ -66,39 +66,35 @@ def test_a_refusal_names_a_base_that_holds_the_effect(measured: Table) -> None:
         ComputationError, match=r"at its bound and one with .* of the base"
     ) as caught:
         refuse_addition(plain, measured, before)
-    remedy = remedy_of(caught.value)
-    assert remedy is not None
-    assert remedy.command == "ecm fit DATA --model physics --add payload --out OUT"
+    command = "ecm fit DATA --model physics --add payload --out OUT"
+    assert way_out(caught.value).command == command
     call = 'ecm.refit(ecm.fit(table, "physics"), table, add="payload")'
     assert str(caught.value).endswith(f":\n  better = {call}")
 
 
-def test_what_is_one_with_the_base_is_no_number_but_a_refusal() -> None:
-    """It was 4e-15 +- 3e-12 kg, and saved: a free base holds any load that has a potential."""
+def spring_under_a_load(rows: int, load_N: float) -> Table:
+    """A spring of six columns and a little noise, with a load along the axis."""
     random = np.random.default_rng(0)
     span, size = np.repeat([5e-3, 0.05], 3), np.repeat([20.0, 0.3], 3)
-    unit = random.uniform(-1.0, 1.0, (400, 6))
-    wrench = size * (unit + 0.001 * random.standard_normal((400, 6))) - [3.0, 0, 0, 0, 0, 0]
-    rows = np.column_stack([unit * span + [0.1, 0, 0, 0, 0, 0], wrench]).T
-    meta = {"mechanism": {"length_m": 0.1}}
-    table = ecm.Table(dict(zip([*POSE, *WRENCH], rows, strict=True)), meta)
+    unit = random.uniform(-1.0, 1.0, (rows, 6))
+    wrench = size * (unit + 0.001 * random.standard_normal((rows, 6)))
+    wrench[:, 0] += load_N
+    columns = columns_of(unit * span + [0.1, 0, 0, 0, 0, 0], wrench)
+    return ecm.Table(columns, {"mechanism": {"length_m": 0.1}})
+
+
+def test_what_is_one_with_the_base_is_no_number_but_a_refusal() -> None:
+    """It was 4e-15 +- 3e-12 kg, and saved: a free base holds any load that has a potential."""
+    table = spring_under_a_load(400, -3.0)
     before = fit_model(table, "energy4-general")
     with pytest.raises(ComputationError, match="payload is one with coefficients of") as caught:
         refit(before, table, add="payload")
-    remedy = remedy_of(caught.value)
-    assert remedy is not None
-    assert "--add payload" in remedy.command
+    assert "--add payload" in way_out(caught.value).command
 
 
 def test_a_part_of_an_effect_that_is_one_with_the_base_is_no_number_either() -> None:
     """Of a load along the axis a symmetric energy holds the lever: it was -3e-12 +- 5e-14 kg m."""
-    random = np.random.default_rng(0)
-    span, size = np.repeat([5e-3, 0.05], 3), np.repeat([20.0, 0.3], 3)
-    unit = random.uniform(-1.0, 1.0, (200, 6))
-    wrench = size * (unit + 0.001 * random.standard_normal((200, 6))) - [-3.0, 0, 0, 0, 0, 0]
-    rows = np.column_stack([unit * span + [0.1, 0, 0, 0, 0, 0], wrench]).T
-    meta = {"mechanism": {"length_m": 0.1}}
-    table = ecm.Table(dict(zip([*POSE, *WRENCH], rows, strict=True)), meta)
+    table = spring_under_a_load(200, 3.0)
     report = refit(fit_model(table, "energy4"), table, add="payload", force=True).fit_report()
     assert "mass_x: one with coefficients of energy4, these rows tell only their sum" in report
     assert "mass_y = " in report
@@ -130,18 +126,15 @@ def test_a_constant_wrench_beside_an_energy_is_said_with_a_way_to_its_name() -> 
     rows = ecm.as_table(columns, meta={**ARM, "instrument": NOISE})
     with pytest.raises(ComputationError, match="one constant wrench") as refused:
         fit_model(rows, "actuated4")
-    way = remedy_of(refused.value)
-    assert way is not None
-    assert way.shown == 'better = ecm.fit(table, "actuated4", force=True)'
+    shown = 'better = ecm.fit(table, "actuated4", force=True)'
+    assert way_out(refused.value).shown == shown
 
 
 def test_an_effect_on_a_base_far_too_plain_is_no_answer(measured: Table) -> None:
     before = fit_model(measured, "linear")
     with pytest.raises(ComputationError, match="a better base") as caught:
         refit(before, measured, add=["mullins_softening"])
-    remedy = remedy_of(caught.value)
-    assert remedy is not None
-    assert remedy.command == "ecm fit DATA --model physics --out OUT"
+    assert way_out(caught.value).command == "ecm fit DATA --model physics --out OUT"
 
 
 @pytest.mark.parametrize("name", ["energy4", "physics"])
@@ -225,10 +218,8 @@ def test_a_brake_without_a_spring_gets_numbers_and_a_way_out_that_its_columns_ha
     assert old > 0.0 > new
     with pytest.raises(ComputationError, match=r"K\(fx_N, x_m\) .* -> -.* \+- ") as refused:
         refuse_addition(after, table, before)
-    remedy = remedy_of(refused.value)
-    assert remedy is not None
-    assert "[mechanism]" not in remedy.words
-    assert "NEXT" in remedy.words
+    assert "[mechanism]" not in way_out(refused.value).words
+    assert "NEXT" in way_out(refused.value).words
 
 
 def test_a_pin_in_a_wider_hole_is_friction_behind_a_play() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ecm.errors import EcmError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 
@@ -43,6 +44,12 @@ class Done:
         """The same, of a command that refused its input."""
         assert self.code == 2, f"{self.code}: {self.out}{self.err}"
         return self
+
+
+def way_out(error: EcmError) -> Remedy:
+    """The remedy of an error, which must have one."""
+    assert error.remedy is not None, error
+    return error.remedy
 
 
 Command = Callable[..., Done]

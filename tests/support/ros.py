@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
 from support.exports import thousand_poses
@@ -36,9 +37,7 @@ def stamped(milliseconds: int, wrench: Sequence[float]) -> bytes:
 
 def quaternion(theta: F) -> list[float]:
     """x, y, z, w of a rotation vector."""
-    angle = float(np.linalg.norm(theta))
-    part = np.sin(0.5 * angle) / angle if angle else 0.5
-    return [*(part * theta).tolist(), float(np.cos(0.5 * angle))]
+    return list(Rotation.from_rotvec(theta).as_quat().tolist())
 
 
 def follow(node: Any) -> F:
