@@ -20,8 +20,8 @@ from ecm.rig.arm.simulation import (
     swivel_angle,
 )
 from ecm.rig.arm.trips import Stop, cubic_profile, duration_s
-from support.arm_rig import REST, library, mechanism, settings, simulated_arm
-from support.stand_in import L, some_poses, wrench
+from support.arm_rig import library, mechanism, settings, simulated_arm
+from support.stand_in import REST, L, some_poses, wrench
 
 
 def simulation(step_s: float = 1e-3, payload_kg: float = 0.0) -> Simulation:

@@ -24,10 +24,10 @@ from ecm.rig.arm.procedure import SimulatedArm
 from ecm.rig.arm.trips import TripResult
 from ecm.rig.inject import Whitener
 from ecm.rig.plant import row_covariance
-from support.arm_rig import REST, arm_setup, plan, run, settings
+from support.arm_rig import arm_setup, plan, run, settings
 from support.neck import ROOT
 from support.programs import ended
-from support.stand_in import StandIn, some_poses
+from support.stand_in import REST, StandIn, some_poses
 
 
 @pytest.fixture(scope="module")
@@ -114,16 +114,8 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
 
 def test_every_action_of_a_plan_is_done(cache: Path) -> None:
     poses = some_poses(8, seed=9)
-    action = [
-        "measure",
-        "home",
-        "measure",
-        "unload",
-        "warm_up:10",
-        "measure",
-        "remount:90",
-        "measure",
-    ]
+    action = ["measure", "home", "measure", "unload", "warm_up:10", "measure", "remount:90",
+              "measure"]  # fmt: skip
     table = run(cache, poses, columns={"action": action}, rig={"approach": "previous"})
     kinds = table.text("kind").tolist()
     assert kinds == ["pose", "home", "pose", "unloaded", "pose", "pose"]
@@ -212,7 +204,7 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 from ecm.errors import ComputationError
 from support.arm_rig import run
-from support.stand_in import some_poses
+from support.stand_in import REST, some_poses
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 unlimited = resource.RLIM_INFINITY
 def small(done, total, word):
@@ -254,7 +246,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from support.arm_rig import run
-from support.stand_in import some_poses
+from support.stand_in import REST, some_poses
 run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}})
 """
 

@@ -17,9 +17,9 @@ from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
 from ecm.rig.arm.simulation import mujoco
 from ecm.rig.arm.trips import Stop
 from ecm.workflow.report_identify import arm_section
-from support.arm_rig import REST, arm_setup, library, plan, settings
+from support.arm_rig import arm_setup, library, plan, settings
 from support.neck import Command
-from support.stand_in import L, StandIn, some_poses
+from support.stand_in import REST, L, StandIn, some_poses
 
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
 

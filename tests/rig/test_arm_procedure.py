@@ -25,9 +25,9 @@ from ecm.rig.arm.simulation import (
 from ecm.rig.arm.trips import Stop, StopResult, TripResult, motion_shares, pose_errors
 from ecm.rig.settings import ArmSettings
 from ecm.workflow.config import read_rig
-from support.arm_rig import REST, library, mechanism, settings, simulated_arm
+from support.arm_rig import library, mechanism, settings, simulated_arm
 from support.neck import ROOT
-from support.stand_in import L, some_poses
+from support.stand_in import REST, L, some_poses
 
 GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
 

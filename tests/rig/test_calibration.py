@@ -12,7 +12,7 @@ from ecm.io.se3 import rotation, seen_from, wrench_adjoint
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import calibrated, sensor_frame, target_frame
 from ecm.rig.instruments import zero_at
-from support.stand_in import StandIn, instruments, plan_of, some_poses
+from support.stand_in import NOISELESS, StandIn, instruments, plan_of, some_poses
 
 NOISE = {"force_sd_N": 0.1, "torque_sd_Nm": 0.003}
 
@@ -62,9 +62,7 @@ def test_a_campaign_in_calibrated_frames_is_off_by_what_the_calibration_is() -> 
         assert np.abs(frames.top_from_sensor - true).max() < 0.02
     # Of 12 bores, each seen with 37 um: a few hundredths of a millimetre, and the base's lever.
     assert 1e-5 < np.median(shifts) < 2e-4
-    quiet = {"camera_error_m": 0.0, "camera_jitter_m": 0.0, "force_noise_N": 0.0}
-    quiet |= {"camera_error_rad": 0.0, "camera_jitter_rad": 0.0, "torque_noise_Nm": 0.0}
-    exact = calibrated(instruments(**quiet, fts_resolution=[0.0] * 6), 0)
+    exact = calibrated(instruments(**NOISELESS), 0)
     assert exact.tip == pytest.approx(np.zeros(6), abs=1e-9)
     assert exact.base == pytest.approx(np.zeros(6), abs=1e-9)
 

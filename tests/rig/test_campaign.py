@@ -19,6 +19,12 @@ from ecm.rig.readings import BESIDE, Journal
 from support.stand_in import StandIn, Stop, error_of, plan_of, some_poses, stop_at
 
 
+@pytest.fixture
+def options(tmp_path: Path) -> CampaignOptions:
+    """The closed form, whose solved poses are kept beside the test's files."""
+    return CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
+
+
 def test_with_nothing_hidden_only_the_declared_noise_is_left() -> None:
     strengths = []
     for seed in range(6):
@@ -59,10 +65,9 @@ def test_columns_and_description_are_complete() -> None:
     assert table.measured().column("sd_fx_N").mean() == pytest.approx(3.0, rel=0.05)
 
 
-def test_the_written_table_reads_back(tmp_path: Path) -> None:
+def test_the_written_table_reads_back(tmp_path: Path, options: CampaignOptions) -> None:
     out = tmp_path / "data.csv"
-    kept = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    table = run_campaign(plan_of(some_poses(20)), RigSettings(), out, **kept)
+    table = run_campaign(plan_of(some_poses(20)), RigSettings(), out, options=options)
     again = read_table(out)
     assert again.poses == pytest.approx(table.poses, abs=0.0)
     assert again.wrenches == pytest.approx(table.wrenches, abs=0.0)
@@ -72,10 +77,9 @@ def test_the_written_table_reads_back(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("cut", [0, 5])
 def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
-    tmp_path: Path, cut: int
+    tmp_path: Path, options: CampaignOptions, cut: int
 ) -> None:
     plan = plan_of(some_poses(25))
-    options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
     same: dict[str, Any] = {"options": options, "hide": "payload=2", "seed": 4}
 
     def files(folder: Path, **more: Any) -> dict[str, bytes]:
@@ -99,45 +103,49 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
     assert taken[0] == (12 if not cut else 11)
 
 
-def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_path: Path) -> None:
+def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(
+    tmp_path: Path, options: CampaignOptions
+) -> None:
     plan, out = plan_of(some_poses(12)), tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(plan, RigSettings(), out, **kept)
+    run_campaign(plan, RigSettings(), out, options=options)
     before = out.read_bytes()
     with pytest.raises(InputError, match=r"data\.csv: a table stands there.*overwrite=True"):
-        run_campaign(plan, RigSettings(), out, seed=1, **kept)
+        run_campaign(plan, RigSettings(), out, seed=1, options=options)
     for name in ("data.parquet", "data", "data.v2"):  # all would share data.truth.json
         with pytest.raises(InputError, match="written as CSV"):
-            run_campaign(plan, RigSettings(), tmp_path / name, **kept)
+            run_campaign(plan, RigSettings(), tmp_path / name, options=options)
     # A journal that names no campaign opens no door, nor does another's, nor this one's own
     # where it is not to go on.
     journal = tmp_path / "data.journal.csv"
     for text in ("", "# campaign 12", "# campaign \n", "anything\n"):
         journal.write_text(text)
         with pytest.raises(InputError, match="a table stands there"):
-            run_campaign(plan, RigSettings(), out, **kept)
+            run_campaign(plan, RigSettings(), out, options=options)
     journal.write_text("# campaign 12\n")
     with pytest.raises(InputError, match="another campaign"):
-        run_campaign(plan, RigSettings(), out, **kept)
+        run_campaign(plan, RigSettings(), out, options=options)
     with pytest.raises(InputError, match="a table stands there"):
-        run_campaign(plan, RigSettings(), out, options=replace(kept["options"], resume=False))
+        run_campaign(plan, RigSettings(), out, options=replace(options, resume=False))
     journal.unlink()
     assert out.read_bytes() == before
 
     with pytest.raises(Stop):
-        run_campaign(plan, RigSettings(), out, seed=1, overwrite=True, progress=stop_at(3), **kept)
+        run_campaign(
+            plan, RigSettings(), out, seed=1, overwrite=True, progress=stop_at(3), options=options
+        )
     assert out.read_bytes() == before  # until the new one is whole
-    run_campaign(plan, RigSettings(), out, seed=1, **kept)
+    run_campaign(plan, RigSettings(), out, seed=1, options=options)
     assert out.read_bytes() != before
 
 
 @pytest.mark.parametrize("suffix", sorted(BESIDE))
-def test_what_belongs_to_a_table_is_kept_without_it(tmp_path: Path, suffix: str) -> None:
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
+def test_what_belongs_to_a_table_is_kept_without_it(
+    tmp_path: Path, options: CampaignOptions, suffix: str
+) -> None:
     theirs = tmp_path / f"data{suffix}"
     theirs.write_text("sealed yesterday")
     with pytest.raises(InputError, match=rf"data\{suffix}: .* stands there.*overwrite=True"):
-        run_campaign(plan_of(some_poses(12)), RigSettings(), tmp_path / "data.csv", **kept)
+        run_campaign(plan_of(some_poses(12)), RigSettings(), tmp_path / "data.csv", options=options)
     assert theirs.read_text() == "sealed yesterday"
 
 
@@ -158,16 +166,16 @@ def test_a_journal_that_cannot_be_written_again_keeps_its_readings(tmp_path: Pat
     assert path.read_bytes() == before
 
 
-def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:
+def test_the_journal_of_another_campaign_is_refused(
+    tmp_path: Path, options: CampaignOptions
+) -> None:
     plan = plan_of(some_poses(12))
     out = tmp_path / "data.csv"
-
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     with pytest.raises(Stop):
-        run_campaign(plan, RigSettings(), out, progress=stop_at(3), **kept)
+        run_campaign(plan, RigSettings(), out, progress=stop_at(3), options=options)
     with pytest.raises(InputError, match="another campaign"):
-        run_campaign(plan, RigSettings(), out, seed=1, **kept)
-    run_campaign(plan, RigSettings(), out, seed=1, options=replace(kept["options"], resume=False))
+        run_campaign(plan, RigSettings(), out, seed=1, options=options)
+    run_campaign(plan, RigSettings(), out, seed=1, options=replace(options, resume=False))
     assert out.exists()
 
 
@@ -212,12 +220,13 @@ def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path: Path) -> None:
         Campaign(plan_of(some_poses(5)), RigSettings(), StandIn(), folder=file / "cache")
 
 
-def test_new_data_without_secrets_take_the_old_truth_away(tmp_path: Path) -> None:
+def test_new_data_without_secrets_take_the_old_truth_away(
+    tmp_path: Path, options: CampaignOptions
+) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
-    run_campaign(plan_of(some_poses(20)), RigSettings(), out, hide="payload=1", **kept)
+    run_campaign(plan_of(some_poses(20)), RigSettings(), out, hide="payload=1", options=options)
     assert (tmp_path / "data.truth.json").exists()
-    run_campaign(plan_of(some_poses(20)), RigSettings(), out, overwrite=True, **kept)
+    run_campaign(plan_of(some_poses(20)), RigSettings(), out, overwrite=True, options=options)
     assert not (tmp_path / "data.truth.json").exists()
 
 

@@ -21,7 +21,7 @@ from ecm.rig.physics.camera import MarkerMotion
 from ecm.rig.physics.true_effect import RigScale
 from ecm.rig.plant import residual, wrench_in_base
 from support.campaigns import plan as diagnosable_plan
-from support.stand_in import AT_REST, F, StandIn, error_of, plan_of, some_poses, wrench
+from support.stand_in import AT_REST, REST, F, StandIn, error_of, plan_of, some_poses, wrench
 
 SCALE = RigScale(0.1, 3600.0, 22.0, 28.0, 0.5)
 
@@ -80,7 +80,7 @@ def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
 
 def test_a_plan_that_cannot_show_the_effect_is_refused() -> None:
     # A sensor that is never taken off its first zero and never driven: nothing ages at rest.
-    rest = np.tile(some_poses(1) * 0.0 + np.array([0.1034, 0, 0, 0, 0, 0]), (5, 1))
+    rest = np.tile(REST, (5, 1))
     settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
     with pytest.raises(InputError, match="cannot show"):
         Campaign(plan_of(rest), settings, StandIn(), hide=[Hidden("ageing", 1.0)])
@@ -241,17 +241,9 @@ def test_two_effects_can_be_hidden() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "fts_drfit=1",
-        "fts_drift=x",
-        "fts_drift=0",
-        "=1",
-        "payload=1,payload=2",
-        "payload=nan",
-        "none=1",
-        "none,payload",
-    ],
-)
+    ["fts_drfit=1", "fts_drift=x", "fts_drift=0", "=1", "payload=1,payload=2", "payload=nan",
+     "none=1", "none,payload"],
+)  # fmt: skip
 def test_wrong_wishes_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="--hide"):
         Hidden.parse(text)

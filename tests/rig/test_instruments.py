@@ -12,7 +12,7 @@ from ecm.rig import Campaign, RigSettings
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Optics
 from ecm.rig.physics import Physics
 from ecm.rig.plant import residual
-from support.stand_in import StandIn, instruments, plan_of, some_poses
+from support.stand_in import NOISELESS, StandIn, instruments, plan_of, some_poses
 
 
 def test_a_window_averages_the_noise() -> None:
@@ -71,15 +71,7 @@ def test_noise_may_grow_with_the_load() -> None:
 
 
 def test_a_noiseless_rig_reads_the_truth() -> None:
-    settings = instruments(
-        force_noise_N=0.0,
-        torque_noise_Nm=0.0,
-        fts_resolution=[0.0] * 6,
-        camera_error_m=0.0,
-        camera_error_rad=0.0,
-        camera_jitter_m=0.0,
-        camera_jitter_rad=0.0,
-    )
+    settings = instruments(**NOISELESS)
     true = np.array([0.1, 0.01, 0.0, 0.3, -0.4, 0.2])
     random = np.random.default_rng(0)
     assert Camera(settings).read(true, 0.2, random)[0] == pytest.approx(true, abs=1e-15)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
@@ -24,14 +25,24 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 RIGS = 3
 
 
+def plan_of_neck(poses: F) -> Table:
+    """A plan of poses (N, 6) of the neck."""
+    columns = dict(zip(POSE, poses.T, strict=True))
+    return Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
+
+
 def plan() -> Table:
-    """Four small poses of the neck, one of them twice."""
+    """Four small poses, one of them twice."""
     poses = np.zeros((5, 6))
     poses[:, 0] = 0.1034
     poses[:, 1] = [0.002, -0.002, 0.003, 0.0, 0.002]
     poses[:, 4] = [0.05, 0.0, -0.05, 0.08, 0.05]
-    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    return Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
+    return plan_of_neck(poses)
+
+
+def on_rigs(out: Path, seeds: range = range(RIGS), **more: Any) -> list[Path]:
+    """The tables of this plan on so many rigs."""
+    return run_campaigns(plan(), RigSettings(), out, seeds=seeds, **more)
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -52,9 +63,7 @@ def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     here, there = tmp_path / "here", tmp_path / "there"
     hide = "payload=20"
-    paths = run_campaigns(
-        plan(), RigSettings(), here / "d.csv", seeds=range(5, 5 + RIGS), hide=hide
-    )
+    paths = on_rigs(here / "d.csv", range(5, 5 + RIGS), hide=hide)
     wrenches = [read_table(path).wrenches for path in paths]
     assert not np.allclose(wrenches[0], wrenches[1])
     assert [reveal(path).seed for path in paths] == [5, 6, 7]
@@ -89,24 +98,18 @@ def test_what_is_done_is_not_measured_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "d.csv"
-    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS))
+    on_rigs(out)
     before = files(tmp_path)
     rig_paths(out, RIGS)[1].unlink()
     measured: list[int] = []
-    run_campaigns(
-        plan(),
-        RigSettings(),
-        out,
-        seeds=range(RIGS),
-        progress=lambda done, n, word: measured.append(done),
-    )
+    on_rigs(out, progress=lambda done, n, word: measured.append(done))
     assert len(measured) == 1
     assert files(tmp_path) == before
     with pytest.raises(InputError, match="another plan, rig, seed"):
-        run_campaigns(plan(), RigSettings(), out, seeds=range(1, 1 + RIGS))
+        on_rigs(out, range(1, 1 + RIGS))
     assert files(tmp_path) == before
     # More rigs of the same job go on; nothing that is there is touched.
-    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS + 1))
+    on_rigs(out, range(RIGS + 1))
     assert before.items() - files(tmp_path).items() == {("d.rigs.json", before["d.rigs.json"])}
 
 
@@ -119,10 +122,10 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
         if journal:
             theirs.with_name("d-0001.journal.csv").write_text("# campaign 12\n")
         with pytest.raises(InputError, match=r"d-0001\.csv: a table stands there.*--overwrite"):
-            run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS))
+            on_rigs(out)
     assert theirs.read_text() == "measured yesterday\n"
     assert not out.with_name("d.rigs.json").exists()
-    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS), overwrite=True)
+    on_rigs(out, overwrite=True)
     assert len(read_table(theirs)) == 5
     assert not theirs.with_suffix(".truth.json").exists()
     # Other settings need the same word; the same settings and that word measure anew.
@@ -132,37 +135,30 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
         measured.append(done)
 
     with pytest.raises(InputError, match="--overwrite"):
-        run_campaigns(plan(), RigSettings(), out, seeds=range(1, 1 + RIGS))
+        on_rigs(out, range(1, 1 + RIGS))
     for _ in range(2):
-        run_campaigns(
-            plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
-        )
+        on_rigs(out, range(1, 1 + RIGS), overwrite=True, progress=count)
     assert measured == [1, 2, 3, 1, 2, 3]
     # Fewer of them anew: the others stay done.
     measured.clear()
-    run_campaigns(plan(), RigSettings(), out, seeds=range(1, 2), overwrite=True, progress=count)
-    run_campaigns(plan(), RigSettings(), out, seeds=range(1, RIGS + 2), progress=count)
+    on_rigs(out, range(1, 2), overwrite=True, progress=count)
+    on_rigs(out, range(1, RIGS + 2), progress=count)
     assert measured == [1, 4]
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
     whole, out = tmp_path / "whole" / "d.csv", tmp_path / "cut" / "d.csv"
-    run_campaigns(plan(), RigSettings(), whole, seeds=range(RIGS))
+    on_rigs(whole)
     taken: list[int] = []
 
     if overwrite:
-        run_campaigns(plan(), RigSettings(), out, seeds=range(9, 9 + RIGS))
+        on_rigs(out, range(9, 9 + RIGS))
     with pytest.raises(Stop):
-        run_campaigns(
-            plan(), RigSettings(), out, seeds=range(RIGS), progress=stop_at(2), overwrite=overwrite
-        )
+        on_rigs(out, progress=stop_at(2), overwrite=overwrite)
     # A kill between the table of a rig and the note that it is done.
     out.with_name("d-0002.csv").write_text("half a job\n")
-    run_campaigns(
-        plan(), RigSettings(), out, seeds=range(RIGS), overwrite=overwrite,
-        progress=lambda done, n, word: taken.append(done),
-    )  # fmt: skip
+    on_rigs(out, overwrite=overwrite, progress=lambda done, n, word: taken.append(done))
     assert taken == [3]
     assert files(out.parent) == files(whole.parent)
 
@@ -171,14 +167,13 @@ def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> Non
     pytest.importorskip("mujoco", reason="needs the extra `robot`")
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     need_program("cc", "gcc")
-    fast = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1}
-    arm = RigSettings.from_dict({"rig": {**fast, "processes": 1}})
+    rig = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1, "processes": 1}
+    arm = RigSettings.from_dict({"rig": rig})
     poses = np.zeros((3, 6))
     poses[:, 0] = [0.1014, 0.1024, 0.1044]
     poses[:, 1:3] = [[0.008, -0.006], [-0.01, 0.004], [0.006, 0.012]]
     poses[:, 3:] = [[0.3, 0.05, 0.1], [-0.2, 0.1, -0.15], [0.1, -0.2, -0.1]]
-    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    three = Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
+    three = plan_of_neck(poses)
     here, there = tmp_path / "here", tmp_path / "there"
     paths = run_campaigns(three, arm, here / "d.csv", seeds=range(5, 7), hide="payload=20")
     tables = [read_table(path) for path in paths]
@@ -226,5 +221,5 @@ def test_the_command_overwrites_nothing_unasked(
 )
 def test_options_of_a_single_campaign_are_refused(options: CampaignOptions, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="leave out source, folder and resume"):
-        run_campaigns(plan(), RigSettings(), tmp_path / "d.csv", seeds=range(2), options=options)
+        on_rigs(tmp_path / "d.csv", range(2), options=options)
     assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.plan import Action, Visit
-from support.stand_in import L, StandIn, plan_of, some_poses
+from support.stand_in import REST, StandIn, plan_of, some_poses
 
 
 def visits_of(plan: Table, **rig: Any) -> list[Visit]:
@@ -40,7 +40,7 @@ def test_time_grows_and_travel_takes_time() -> None:
     assert fast[-1].time_s < times[-1]
     # Cubic timing law: peak speed is 3/2 of the mean.
     for visit in poses:
-        way = visit.pose - np.array([L, 0, 0, 0, 0, 0])
+        way = visit.pose - REST
         needed = 1.5 * max(np.linalg.norm(way[:3]) / 0.02, np.linalg.norm(way[3:]) / 0.15)
         assert visit.travel_s == pytest.approx(needed)
 
@@ -59,9 +59,8 @@ def test_approach_from_another_pose_goes_through_it() -> None:
         approach="previous",
     )
     taken = [v for v in visits if v.kind == "pose"]
-    rest = np.array([L, 0, 0, 0, 0, 0])
-    assert taken[0].way == pytest.approx(np.stack([rest, poses[0]]))
-    assert taken[1].way == pytest.approx(np.stack([poses[0], rest, poses[2], poses[1]]))
+    assert taken[0].way == pytest.approx(np.stack([REST, poses[0]]))
+    assert taken[1].way == pytest.approx(np.stack([poses[0], REST, poses[2], poses[1]]))
     assert taken[2].way == pytest.approx(np.stack([poses[1], poses[2]]))
     assert taken[3].way == pytest.approx(np.stack([poses[2], poses[3]]))
     assert [v.approach for v in taken] == ["initial", "2", "1", "2"]
@@ -82,16 +81,8 @@ def test_repeats_are_counted_and_share_the_pose() -> None:
 
 def test_actions_change_the_rig() -> None:
     poses = some_poses(8)
-    actions = [
-        "measure",
-        "home",
-        "unload",
-        "remount:90",
-        "measure",
-        "remove_payload",
-        "dead_weight:2",
-        "measure",
-    ]
+    actions = ["measure", "home", "unload", "remount:90", "measure", "remove_payload",
+               "dead_weight:2", "measure"]  # fmt: skip
     campaign = Campaign(plan_of(poses, action=actions), RigSettings(), StandIn())
     visits = campaign.timeline.visits
     taken = [v for v in visits if v.kind == "pose"]
@@ -103,11 +94,8 @@ def test_actions_change_the_rig() -> None:
     assert runs[2]["payload_mass_kg"] == 0.0
     assert runs[3] == {"payload_mass_kg": 2.0}
     assert runs[4]["mount_angle_rad"] == pytest.approx(np.pi / 2)
-    assert [v.kind for v in visits if v.kind in ("home", "unloaded")] == [
-        "home",
-        "unloaded",
-        "unloaded",
-    ]
+    kinds = [v.kind for v in visits if v.kind in ("home", "unloaded")]
+    assert kinds == ["home", "unloaded", "unloaded"]
     hung = [v for v in visits if v.dead_weight_kg > 0.0]
     assert [v.run for v in hung] == [3]
 

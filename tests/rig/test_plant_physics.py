@@ -18,9 +18,8 @@ from ecm.rig.physics.camera import BaseFrame, MarkerMotion, TipTarget
 from ecm.rig.physics.load import BasePlate, Cable, Payload
 from ecm.rig.physics.material import Hysteresis, Relaxation, Softening, Temperature
 from ecm.rig.physics.sensor import SensorWarmUp
-from support.stand_in import L, some_poses, stiffness, wrench
+from support.stand_in import REST, L, some_poses, stiffness, wrench
 
-REST = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 ROOT = np.array([1.0, 1.0, 1.0, L, L, L])
 
 

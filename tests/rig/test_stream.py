@@ -21,7 +21,18 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
 from support.campaigns import model, workspace_poses
-from support.stand_in import AT_REST, F, L, StandIn, Stop, plan_of, some_poses, stop_at, wrench
+from support.stand_in import (
+    AT_REST,
+    NOISELESS,
+    REST,
+    F,
+    StandIn,
+    Stop,
+    plan_of,
+    some_poses,
+    stop_at,
+    wrench,
+)
 
 pytest.importorskip("pyarrow", reason="pyarrow is missing: pip install 'ecm-stiffness[data]'")
 
@@ -34,17 +45,11 @@ def stream_of(campaign: Campaign) -> RawStream:
     return stream
 
 
-def measured(folder: Path, hide: str, seed: int = 3) -> Path:
+def measured(folder: Path, hide: str) -> Path:
     out = folder / f"{hide.replace('=', '-')}.csv"
+    options = CampaignOptions(source=StandIn(), folder=folder)
     plan = plan_of(workspace_poses(40, 3))
-    run_campaign(
-        plan,
-        STREAM,
-        out,
-        hide=hide,
-        seed=seed,
-        options=CampaignOptions(source=StandIn(), folder=folder),
-    )
+    run_campaign(plan, STREAM, out, hide=hide, seed=3, options=options)
     return out
 
 
@@ -91,7 +96,6 @@ class Rough(StandIn):
         return Line()
 
 
-REST: F = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 SLOPE: F = np.linalg.lstsq(some_poses(200) - REST, wrench(some_poses(200)), rcond=None)[0]
 
 
@@ -274,10 +278,8 @@ def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.Mo
     for streamed in (True, False):
         settings = STREAM if streamed else RigSettings()
         for seed in range(8):
-            campaign = Campaign(
-                plan_of(some_poses(30)), settings, StandIn(),
-                hide=Hidden.parse("random=1"), seed=seed,
-            )  # fmt: skip
+            hide = Hidden.parse("random=1")
+            campaign = Campaign(plan_of(some_poses(30)), settings, StandIn(), hide=hide, seed=seed)
             drawn[streamed].add(campaign.injected[0].truth.effect)
     assert drawn == {True: {"payload", "time_skew"}, False: {"payload"}}
 
@@ -326,13 +328,8 @@ def test_where_no_stream_can_be_kept_it_is_said_before_the_work(tmp_path: Path) 
 
 def test_the_wrench_is_turned_by_the_pose_of_its_own_row() -> None:
     """The pose at t and the wrench at t + delay: exactly what stands in a row."""
-    quiet: dict[str, Any] = {
-        "force_noise_N": 0.0, "torque_noise_Nm": 0.0, "fts_resolution": [0.0] * 6,
-        "camera_error_m": 0.0, "camera_error_rad": 0.0, "camera_jitter_m": 0.0,
-        "camera_jitter_rad": 0.0,
-    }  # fmt: skip
     settings = RigSettings.from_dict(
-        {"rig": {"stream_Hz": 2.0}, "instrument": quiet, "plant": {"drift_N": 0.0}}
+        {"rig": {"stream_Hz": 2.0}, "instrument": NOISELESS, "plant": {"drift_N": 0.0}}
     )
     campaign = Campaign(plan_of(some_poses(25)), settings, StandIn())
     skew = TimeSkew(0.3)
@@ -394,14 +391,10 @@ def test_thermometers_and_stamps_are_as_the_rig_file_says() -> None:
 
 
 def test_in_memory_it_is_said_that_no_stream_is_kept() -> None:
-    table = run_campaign(
-        plan_of(some_poses(25)), STREAM, None, options=CampaignOptions(source=StandIn())
-    )
-    assert any("stream_Hz" in text for text in table.warnings)
-    plain = run_campaign(
-        plan_of(some_poses(25)), RigSettings(), None, options=CampaignOptions(source=StandIn())
-    )
-    assert not any("stream_Hz" in text for text in plain.warnings)
+    for settings in (STREAM, RigSettings()):
+        options = CampaignOptions(source=StandIn())
+        table = run_campaign(plan_of(some_poses(25)), settings, None, options=options)
+        assert any("stream_Hz" in text for text in table.warnings) == (settings is STREAM)
 
 
 def test_a_way_point_that_nothing_is_known_of_is_no_guess() -> None:

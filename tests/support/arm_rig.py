@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from ecm.io.arrays import F
@@ -24,7 +23,6 @@ from ecm.rig.arm.mechanism import compile_model, controller_document, fit_surrog
 from ecm.rig.arm.procedure import ArmSetup, SimulatedArm
 from support.programs import need_program
 
-REST: F = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 FAST: dict[str, Any] = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1}
 """The quick arm of the tests."""
 

@@ -26,10 +26,17 @@ from ecm.rig.physics import TRUE_EFFECTS
 from ecm.rig.settings import Instruments
 
 L = 0.1034
+REST: F = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
 AT_REST = sorted(
     name for name, kind in TRUE_EFFECTS.items() if not (kind.only_in_motion or kind.of_actuators)
 )
 """What a campaign of visits can hide on a mechanism without actuators."""
+NOISELESS: dict[str, Any] = {
+    "force_noise_N": 0.0, "torque_noise_Nm": 0.0, "fts_resolution": [0.0] * 6,
+    "camera_error_m": 0.0, "camera_error_rad": 0.0,
+    "camera_jitter_m": 0.0, "camera_jitter_rad": 0.0,
+}  # fmt: skip
+"""Settings of instruments that read the truth."""
 AXIAL, LATERAL, TWIST, BEND = 24000.0, 3500.0, 4.1, 6.8
 
 
@@ -133,8 +140,7 @@ class StandIn:
 def some_poses(count: int, seed: int = 0) -> F:
     random = np.random.default_rng(seed)
     size = np.array([0.0025, 0.006, 0.006, 0.3, 0.3, 0.3])
-    rest = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return rest + size * random.uniform(-1.0, 1.0, (count, 6))
+    return REST + size * random.uniform(-1.0, 1.0, (count, 6))
 
 
 def error_of(campaign: Campaign, table: Table) -> F:
