@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from bench.test_measure import unsaid
+from bench.test_measure import answering, unsaid
 from ecm.bench import Bench, measure
 from ecm.bench.devices import DeviceError, opened
 from ecm.bench.manual import Manual
@@ -163,18 +161,7 @@ def test_lines_of_csv() -> None:
         "actuation": "ok,19900,3",
         "follow,0.02": "ok",
     }
-    listener = socket.create_server(("127.0.0.1", 0))
-
-    def serve() -> None:
-        with listener:
-            connection, _ = listener.accept()
-        with connection, connection.makefile("rw") as stream:
-            for line in stream:
-                stream.write(answers.pop(line.rstrip("\n")) + "\r\n")
-                stream.flush()
-
-    threading.Thread(target=serve, daemon=True).start()
-    address = f"127.0.0.1:{listener.getsockname()[1]}"
+    address = answering(lambda line: f"{answers.pop(line.decode().rstrip())}\r\n".encode())
     device = opened("line", {"address": address, "form": "csv"}, "bench.toml [mover]")
     device.start(np.zeros(6))
     assert device.settled() is True

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import ecm
-from bench.test_measure import PARTS, Rig, bench_of, plan_of, unsaid
-from ecm.bench import Bench, measure
+from bench.test_measure import FRAME, PARTS, Rig, bench_of, plan_of, simulated, unsaid
+from ecm.bench import measure
 from ecm.bench.devices import DeviceError
 from ecm.bench.settings import DeviceTable
 from ecm.errors import InputError
@@ -19,7 +19,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.rig.run import run_campaign
-from ecm.rig.settings import Instruments, RigSettings
+from ecm.rig.settings import RigSettings
 
 ARM = {
     "builtin": "chambered",
@@ -31,7 +31,6 @@ ARM = {
     "channel_radius_m": 0.004,
     "young_modulus_Pa": 3e5,
 }
-DRIVEN = (*PARTS, "thermometer", "actuation", "follower")
 
 
 def arm_plan() -> Table:
@@ -46,18 +45,14 @@ def arm_plan() -> Table:
 
 
 def test_a_driven_arm_through_devices_gives_the_table_of_the_campaign(tmp_path: Path) -> None:
-    arm_plan().write(tmp_path / "plan.csv")
-    plan = read_table(tmp_path / "plan.csv", need="predict")
     rig = tmp_path / "rig.toml"
     rig.write_text("[instrument]\nforce_noise_N = 0.03\n")
     settings = RigSettings.from_dict({"instrument": {"force_noise_N": 0.03}})
+    tables = {"instrument": FRAME, "limits": {"actuation": [0.0, 1e4]}}
+    like, parts = {"seed": 3, "rig": str(rig)}, ("actuation", "follower")
+    plan, bench = simulated(arm_plan(), tmp_path, parts, like=like, **tables)
     campaign = run_campaign(plan, settings, seed=3)
-    device: dict[str, Any] = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
-    device["rig"] = str(rig)
-    tables: dict[str, Any] = dict.fromkeys(DRIVEN, device)
-    tables["instrument"] = {"top_from_sensor": list(Instruments().top_from_sensor)}
-    tables["limits"] = {"actuation": [0.0, 1e4]}
-    measured = measure(plan, Bench.from_dict(tables, "bench.toml"), tmp_path / "data.csv")
+    measured = measure(plan, bench, tmp_path / "data.csv")
     assert {*campaign.columns} - {*measured.columns} == {"leds_visible"}
     for name, column in measured.columns.items():
         assert column.tolist() == campaign.columns[name].tolist(), name

@@ -20,6 +20,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import as_table
 from support import soft_ioc
+from support.programs import until
 
 MILLIMETRES = soft_ioc.SCALE.tolist()
 
@@ -64,9 +65,7 @@ def put(name: str, value: float) -> None:
     """Set a process variable."""
     channel = opened_as("epics", pvs=name)
     channel._channels.write(np.array([value]))
-    until = time.monotonic() + 5.0
-    while channel.temperature()[0] != value:
-        assert time.monotonic() < until
+    until(lambda: channel.temperature()[0] == value, 5.0)
     channel.close()
 
 
@@ -112,9 +111,7 @@ def test_a_motor_is_stopped_on_its_way_and_has_not_settled() -> None:
     assert stage.pose(0.0)[0].tolist() == stopped.tolist()
     assert not stage.settled()  # it rests, but not where it was sent
     stage.start(at)
-    until = time.monotonic() + 5.0
-    while not stage.settled():
-        assert time.monotonic() < until
+    until(stage.settled, 5.0)
     stage.close()
 
 

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -35,7 +35,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table, read_table
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import Instruments, RigSettings
-from support.programs import ended
+from support.programs import ended, until
 
 PARTS = ("mover", "wrench", "pose", "person")
 
@@ -61,10 +61,15 @@ class Rig:
         self.slip = np.zeros(6)
         self.outliers: set[int] = set()
         self.silent_from = 10_000
+        self.accident = 0, self.push, 0, 0.0
+        """Number of a move, and the part of `push` or `slip` that has this value from then on."""
 
     def start(self, pose: np.ndarray) -> None:
         self.told.append("start")
         self.at, self._arrives_s = pose, time.monotonic() + self.settle_s
+        number, what, axis, value = self.accident
+        if self.told.count("start") == number:
+            what[axis] = value
 
     def settled(self) -> bool:
         return time.monotonic() >= self._arrives_s
@@ -109,17 +114,35 @@ def run(plan: Table, rig: Rig, out: Path, bench: Bench | None = None, **options:
     return measure(plan, bench or bench_of(), out, devices=devices, say=unsaid, **options)
 
 
+FRAME = {"top_from_sensor": list(Instruments().top_from_sensor)}
+"""Where the sensor of the simulated rig sits."""
+
+
+def simulated(
+    plan: Table, folder: Path, parts: tuple[str, ...] = (), *, like: dict[str, Any], **tables: Any
+) -> tuple[Table, Bench]:
+    """The plan as its file has it, and a bench of the simulated rig that measures it.
+
+    `parts` are devices beside those of every bench; `like` are further settings of the rig.
+    """
+    path = folder / "plan.csv"
+    plan.write(path)
+    rig = {"device": "simulated", "plan": str(path)} | like
+    devices = dict.fromkeys((*PARTS, "thermometer", *parts), rig)
+    return read_table(path, need="predict"), Bench.from_dict(devices | tables, "bench.toml")
+
+
+def neck_plan() -> Table:
+    """Two poses of the neck, twice."""
+    poses = dict.fromkeys(POSE, np.zeros(4)) | {"x_m": [0.1034, 0.102, 0.1034, 0.102]}
+    return as_table(poses, meta=Meta(mechanism=Mechanism().to_dict()))
+
+
 def test_the_simulated_rig_in_another_process_gives_the_table_of_the_campaign(
     tmp_path: Path,
 ) -> None:
-    poses = dict.fromkeys(POSE, np.zeros(4)) | {"x_m": [0.1034, 0.102, 0.1034, 0.102]}
-    as_table(poses, meta=Meta(mechanism=Mechanism().to_dict())).write(tmp_path / "plan.csv")
-    plan = read_table(tmp_path / "plan.csv", need="predict")
+    plan, bench = simulated(neck_plan(), tmp_path, like={"seed": 3}, instrument=FRAME)
     campaign = run_campaign(plan, RigSettings(), seed=3)
-    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
-    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
-    frame = list(Instruments().top_from_sensor)
-    bench = Bench.from_dict(tables | {"instrument": {"top_from_sensor": frame}}, "bench.toml")
     measured = measure(plan, bench, tmp_path / "data.csv")
     assert {*campaign.columns} - {*measured.columns} == {"leds_visible"}
     for name, column in measured.columns.items():
@@ -167,15 +190,8 @@ def test_a_pose_beyond_the_limits_moves_nothing(tmp_path: Path) -> None:
 
 def test_a_force_beyond_the_limit_while_it_moves_stops_the_mover_first(tmp_path: Path) -> None:
     rig = Rig(settle_s=0.2)
+    rig.accident = 3, rig.push, 2, 60.0
     began = time.monotonic()
-    start = rig.start
-
-    def push_at_the_third(pose: np.ndarray) -> None:
-        start(pose)
-        if rig.told.count("start") == 3:
-            rig.push[2] = 60.0
-
-    rig.start = push_at_the_third  # type: ignore[method-assign]
     with pytest.raises(DeviceError, match=r"visit 4: force 60 N, limit 50 N \(force_N\)\. The"):
         run(plan_of(), rig, tmp_path / "data.csv", bench_of(force_N=50.0))
     assert time.monotonic() - began < 5.0
@@ -307,14 +323,7 @@ def test_a_row_that_differs_from_its_repeat_is_measured_again_at_once(tmp_path: 
 def test_a_marker_that_slipped_is_told_at_the_next_look_at_home(tmp_path: Path) -> None:
     rig, told = Rig(), list[str]()
     plan = plan_of(4, action=["home", "measure", "measure", "home"], kind="")
-    ask = rig.start
-
-    def slip_at_the_third(pose: np.ndarray) -> None:
-        ask(pose)
-        if rig.told.count("start") == 3:
-            rig.slip[0] = 3e-4
-
-    rig.start = slip_at_the_third  # type: ignore[method-assign]
+    rig.accident = 3, rig.slip, 0, 3e-4
     devices = dict.fromkeys(PARTS, rig)
     table = measure(plan, bench_of(), tmp_path / "data.csv", devices=devices, say=told.append)
     assert told == list(table.warnings)
@@ -371,11 +380,7 @@ rigs.run(rigs.plan_of(), rigs.Rig(settle_s=0.1), Path({out!r}), progress={progre
 
 
 def test_the_simulated_rig_goes_on_where_it_was_cut(tmp_path: Path) -> None:
-    poses = dict.fromkeys(POSE, np.zeros(4)) | {"x_m": [0.1034, 0.102, 0.1034, 0.102]}
-    as_table(poses, meta=Meta(mechanism=Mechanism().to_dict())).write(tmp_path / "plan.csv")
-    plan = read_table(tmp_path / "plan.csv", need="predict")
-    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
-    bench = Bench.from_dict(dict.fromkeys((*PARTS, "thermometer"), device), "bench.toml")
+    plan, bench = simulated(neck_plan(), tmp_path, like={"seed": 3})
 
     def full(done: int, total: int, what: str) -> None:
         if done == 3:
@@ -422,10 +427,7 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     process = subprocess.Popen(
         [sys.executable, "-c", script], stdout=subprocess.PIPE, start_new_session=True
     )
-    until = time.monotonic() + 60.0
-    while len(journal.read_text().splitlines()) < first + 6:
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: len(journal.read_text().splitlines()) >= first + 6)
     process.send_signal(number)
     began = time.monotonic()
     told = process.communicate(timeout=30.0)[0].decode().splitlines()[1:]
@@ -443,6 +445,22 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     assert read_table(out).meta.runs[0]["note"] == cuts
 
 
+def answering(answer: Callable[[bytes], bytes]) -> str:
+    """The address of a device that gives each line it reads this answer."""
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        with listener:
+            connection, _ = listener.accept()
+        with connection, connection.makefile("rwb") as stream:
+            for line in stream:
+                stream.write(answer(line))
+                stream.flush()
+
+    threading.Thread(target=serve, daemon=True).start()
+    return f"127.0.0.1:{listener.getsockname()[1]}"
+
+
 def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
     answers = {
         b"start": b'{"ok": true}\n',
@@ -457,16 +475,6 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
     def answer(question: bytes) -> bytes:
         return next(text for word, text in answers.items() if b'"do": "' + word in question)
 
-    listener = socket.create_server(("127.0.0.1", 0))
-
-    def serve() -> None:
-        with listener:
-            connection, _ = listener.accept()
-        with connection, connection.makefile("rwb") as stream:
-            for line in stream:
-                stream.write(answer(line))
-                stream.flush()
-
     own, other = os.openpty()
 
     def serve_port() -> None:
@@ -477,9 +485,8 @@ def test_lines_of_json_over_tcp_and_over_a_serial_port() -> None:
                 line, _, rest = rest.partition(b"\n")
                 os.write(own, answer(line))
 
-    for work in (serve, serve_port):
-        threading.Thread(target=work, daemon=True).start()
-    for address in (f"127.0.0.1:{listener.getsockname()[1]}", os.ttyname(other)):
+    threading.Thread(target=serve_port, daemon=True).start()
+    for address in (answering(answer), os.ttyname(other)):
         device = opened("line", {"address": address}, "bench.toml [mover]")
         device.start(np.zeros(6))
         assert device.settled() is True

@@ -12,8 +12,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bench.test_measure import PARTS, Rig, bench_of, plan_of, run, unsaid
-from ecm.bench import Bench, measure
+from bench.test_measure import FRAME, PARTS, Rig, bench_of, plan_of, run, simulated, unsaid
+from ecm.bench import measure
 from ecm.bench.devices import DeviceError
 from ecm.bench.until import next_row
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design
@@ -25,13 +25,13 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.events import live_path
 from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation, transpose, turn_wrench
-from ecm.io.table import Table, as_table, read_table
+from ecm.io.table import Table, as_table
 from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.fit import fit_rows
 from ecm.models.maps import EnergyMap, EnergyTerms
 from ecm.rig import Campaign, RigSettings, fem_source
 from ecm.rig.plan import LOOK_HOME, Request, requests
-from ecm.rig.settings import Instruments, Procedure
+from ecm.rig.settings import Procedure
 from support.neck import columns_of
 
 
@@ -274,14 +274,7 @@ def test_a_marker_that_slips_is_told_within_three_rows_and_the_rest_pose_is_look
     tmp_path: Path,
 ) -> None:
     rig = Spring()
-    start = rig.start
-
-    def slip_at_the_fifteenth(pose: np.ndarray) -> None:
-        start(pose)
-        if rig.told.count("start") == 30:
-            rig.slip[1] = 3e-4
-
-    rig.start = slip_at_the_fifteenth  # type: ignore[method-assign]
+    rig.accident = 30, rig.slip, 1, 3e-4  # each pose is driven to from home
     table = spring_run(spring_plan(30), rig, tmp_path / "data.csv")
     said = [words for words in table.warnings if "a marker may have slipped" in words]
     assert len(said) == 1
@@ -313,12 +306,8 @@ def test_the_simulated_rig_follows_the_chosen_order(tmp_path: Path) -> None:
     poses = spring_plan(12).poses
     poses[:, 0] += Mechanism().length_m - 0.1
     meta = Meta(mechanism=Mechanism().to_dict())
-    as_table(dict(zip(POSE, poses.T, strict=True)), meta=meta).write(tmp_path / "plan.csv")
-    plan = read_table(tmp_path / "plan.csv", need="predict")
-    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "seed": 3}
-    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
-    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
-    bench = Bench.from_dict(tables | {"instrument": frame}, "bench.toml")
+    near = as_table(dict(zip(POSE, poses.T, strict=True)), meta=meta)
+    plan, bench = simulated(near, tmp_path, like={"seed": 3}, instrument=FRAME)
     out = tmp_path / "data.csv"
     table = measure(plan, bench, out, until="0.001 N", fit="energy4", say=unsaid)
     order = table.column("pose_id").astype(int).tolist()
@@ -339,14 +328,10 @@ def test_a_run_until_named_takes_telling_rows_and_stops_when_a_name_is_believed(
         dict(zip(POSE, poses.T, strict=True)), meta=Meta(mechanism=Mechanism().to_dict())
     )
     chosen = Design(np.arange(40), "maximin", 0.0, 0.0, 1.0, "converged")
-    diagnosable_plan(candidates, chosen, 80).write(tmp_path / "plan.csv")
-    plan = read_table(tmp_path / "plan.csv", need="predict")
-    device = {"device": "simulated", "plan": str(tmp_path / "plan.csv"), "hide": "payload=3"}
-    tables: dict[str, Any] = dict.fromkeys((*PARTS, "thermometer"), device)
     noise = {"pose_position_sd_m": 4e-5, "pose_rotation_sd_rad": 4e-4, "force_sd_N": 0.1}
-    frame = {"top_from_sensor": list(Instruments().top_from_sensor)}
-    own = {"instrument": noise | frame, "limits": {"force_N": 1e3, "torque_Nm": 1e2}}
-    bench = Bench.from_dict(tables | own, "bench.toml")
+    own = {"instrument": noise | FRAME, "limits": {"force_N": 1e3, "torque_Nm": 1e2}}
+    whole = diagnosable_plan(candidates, chosen, 80)
+    plan, bench = simulated(whole, tmp_path, like={"hide": "payload=3"}, **own)
     out = tmp_path / "data.csv"
     table = measure(plan, bench, out, until="named", say=unsaid)
     promise = certificate(out)

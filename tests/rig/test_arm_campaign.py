@@ -6,7 +6,6 @@ import json
 import pickle
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from ecm.rig.inject import Whitener
 from ecm.rig.plant import row_covariance
 from support.arm_rig import arm_setup, plan, run, settings
 from support.neck import ROOT
-from support.programs import ended
+from support.programs import ended, until
 from support.stand_in import REST, StandIn, some_poses
 
 
@@ -258,11 +257,8 @@ def test_kill_9_loses_at_most_the_trips_under_way(cache: Path, tmp_path: Path) -
     text = KILLED.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
     process = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE)
     parts = out.with_name("data.journal.parts")
-    until = time.monotonic() + 120.0
-    while len(list(parts.rglob("*.part"))) < 3:
-        assert time.monotonic() < until
-        assert process.poll() is None
-        time.sleep(0.01)
+    until(lambda: len(list(parts.rglob("*.part"))) >= 3 or process.poll() is not None, 120.0)
+    assert process.poll() is None
     process.kill()
     # The workers hold the pipe open until they have ended: at once, and without a word.
     _, errors = process.communicate(timeout=30)

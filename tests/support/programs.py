@@ -11,6 +11,8 @@ import platform
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,14 @@ def ended(*command: object, code: int = 0, **settings: Any) -> subprocess.Comple
     done = subprocess.run(asked, check=False, **settings)
     assert done.returncode == code, f"{done.returncode}: {done.stdout}{done.stderr}"
     return done
+
+
+def until(condition: Callable[[], object], seconds: float = 60.0) -> None:
+    """Wait for what another process or thread does."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"it did not come in {seconds} s"
+        time.sleep(0.01)
 
 
 def cargo(folder: Path, target: Path, *command: object, **more: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from starlette.testclient import TestClient
 from ecm.workflow.app.jobs import Busy
 from ecm.workflow.app.journal import Step
 from ecm.workflow.app.server import App, application, begin
+from support.programs import until
 
 TOKEN = "a-secret"
 TABLE = "".join(f"{1e-4 * i},{i + 0.01 * (i % 3)}\n" for i in range(20))
@@ -40,15 +40,19 @@ class Worker:
 
 
 @pytest.fixture
-def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
+def workers() -> list[Worker]:
+    """The processes of the fit and of what follows it."""
+    return []
+
+
+@pytest.fixture
+def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: list[Worker]) -> Iterator[App]:
     """A session with a fit that has ended, and a comparison that goes on until it is told."""
     (tmp_path / "a.csv").write_text(f"x_m,fx_N\n{TABLE}", encoding="utf-8")
     opened = App(tmp_path / "session")
     begin(opened, [tmp_path / "a.csv"])
     opened.jobs.wait()
-    workers: list[Worker] = []
     monkeypatch.setattr(opened.jobs, "_process", lambda step: started(opened, step, workers))
-    opened.workers = workers  # type: ignore[attr-defined]
     opened.jobs.start("fit", {"model": "linear"})
     workers[0].end()
     until(lambda: len(workers) == 2)
@@ -65,14 +69,6 @@ def started(app: App, step: Step, workers: list[Worker]) -> Worker:
     return workers[-1]
 
 
-def until(condition: Any) -> None:
-    for _ in range(1000):
-        if condition():
-            return
-        time.sleep(0.01)
-    raise AssertionError("it did not come")
-
-
 def posted(client: TestClient, action: str, **body: Any) -> tuple[threading.Thread, list[Any]]:
     """Send a request that may have to wait; its answers come into the list."""
     answers: list[Any] = []
@@ -83,7 +79,8 @@ def posted(client: TestClient, action: str, **body: Any) -> tuple[threading.Thre
     return sending, answers
 
 
-def client_of(app: App) -> TestClient:
+@pytest.fixture
+def client(app: App) -> TestClient:
     return TestClient(
         application(app, port=8000, token=TOKEN),
         base_url="http://127.0.0.1:8000",
@@ -91,9 +88,9 @@ def client_of(app: App) -> TestClient:
     )
 
 
-def test_a_click_during_the_automatic_comparison_waits_for_its_end(app: App) -> None:
-    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
-    client = client_of(app)
+def test_a_click_during_the_automatic_comparison_waits_for_its_end(
+    app: App, client: TestClient, workers: list[Worker]
+) -> None:
     running = client.get("/api/state").json()["running"]
     assert (running["automatic"], running["waiting"]) == (True, False)
     sending, answers = posted(client, "undo")
@@ -107,9 +104,9 @@ def test_a_click_during_the_automatic_comparison_waits_for_its_end(app: App) -> 
     assert [step.status for step in app.session.journal.read().steps.values()][-1] == "done"
 
 
-def test_a_click_on_a_step_follows_a_comparison_that_is_cancelled(app: App) -> None:
-    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
-    client = client_of(app)
+def test_a_click_on_a_step_follows_a_comparison_that_is_cancelled(
+    app: App, client: TestClient, workers: list[Worker]
+) -> None:
     sending, answers = posted(client, "step", verb="fit", model="cubic")
     until(lambda: app.state()["running"]["waiting"])
     assert client.post("/api/cancel", json={}).json() == {"cancelled": True}
@@ -120,10 +117,11 @@ def test_a_click_on_a_step_follows_a_comparison_that_is_cancelled(app: App) -> N
     assert client.post("/api/undo", json={}).status_code == 409  # a step of a person
 
 
-def test_nobody_comes_between_the_automatic_step_and_the_click_that_waits(app: App) -> None:
-    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
+def test_nobody_comes_between_the_automatic_step_and_the_click_that_waits(
+    app: App, client: TestClient, workers: list[Worker]
+) -> None:
     jobs = app.jobs
-    sending, answers = posted(client_of(app), "undo")
+    sending, answers = posted(client, "undo")
     until(lambda: app.state()["running"]["waiting"])
     with jobs._lock:  # as if the thread that waits were slow to go on
         running, jobs._job = jobs._job, None
@@ -136,9 +134,8 @@ def test_nobody_comes_between_the_automatic_step_and_the_click_that_waits(app: A
 
 
 def test_a_result_never_comes_beside_its_running_step(
-    app: App, monkeypatch: pytest.MonkeyPatch
+    app: App, workers: list[Worker], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
     write_end, seen = app.jobs._end, []
 
     def ended(*end: Any) -> None:
@@ -151,8 +148,7 @@ def test_a_result_never_comes_beside_its_running_step(
     assert seen == [None]
 
 
-def test_the_end_of_the_server_refuses_the_click_that_waits(app: App) -> None:
-    client = client_of(app)
+def test_the_end_of_the_server_refuses_the_click_that_waits(app: App, client: TestClient) -> None:
     sending, answers = posted(client, "step", verb="check")
     until(lambda: app.state()["running"]["waiting"])
     app.jobs.close()
@@ -161,13 +157,13 @@ def test_the_end_of_the_server_refuses_the_click_that_waits(app: App) -> None:
     assert "being ended" in answers[0].json()["error"]
 
 
-def test_what_a_step_tells_becomes_its_progress_and_time_left(app: App) -> None:
+def test_what_a_step_tells_becomes_its_progress_and_time_left(app: App, client: TestClient) -> None:
     step = app.state()["running"]["step"]
     log = app.session.folder / "logs" / f"{step}.events"
     log.parent.mkdir(exist_ok=True)
     event = '{"what": "folds", "done": 3, "total": 10, "left_s": 4.0}\n'
     log.write_text(event + '{"what": "folds", "done"', encoding="utf-8")
-    running = client_of(app).get("/api/state").json()["running"]
+    running = client.get("/api/state").json()["running"]
     assert {name: running[name] for name in ("what", "done", "total", "left_s")} == {
         "what": "folds", "done": 3, "total": 10, "left_s": 4.0,
     }  # fmt: skip

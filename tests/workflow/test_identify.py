@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +26,7 @@ from ecm.workflow.identify import select
 from support.driven import PRESSURES
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
 from support.neck import ROOT, Command
-from support.programs import need_program
+from support.programs import need_program, until
 from support.report_pages import open_page
 
 
@@ -74,7 +73,7 @@ def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         ) as run:  # fmt: skip
             try:
-                wait_for(lambda kept=kept: len(chunks(out)) >= kept)  # type: ignore[misc]
+                until(lambda kept=kept: len(chunks(out)) >= kept, 120.0)  # type: ignore[misc]
                 os.kill(run.pid, how)
                 _, errors = run.communicate(timeout=60)
             finally:
@@ -92,14 +91,6 @@ def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
 def chunks(out: Path) -> list[Path]:
     """Chunks of FEM cases that are kept."""
     return sorted((out / "stages").glob("simulate-*.parts/*.part"))
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    """Until it holds, or two minutes."""
-    end = time.monotonic() + 120.0
-    while not condition():
-        assert time.monotonic() < end, "nothing was kept in two minutes"
-        time.sleep(0.05)
 
 
 SMALLER_ARM = {
