@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -21,6 +20,7 @@ from ecm.bench.manual import Manual
 from ecm.errors import InputError
 from ecm.io.table import as_table, read_table
 from ecm.models import fit_model
+from support.programs import ended
 
 HAND = ("mover", "wrench", "pose", "person")
 
@@ -191,15 +191,12 @@ def test_what_is_typed_at_the_terminal_is_a_table(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-m", "ecm", "measure", "plan.csv", "--rig", "bench.toml"]
     command += ["--out", "data.csv", "--yes"]
-    options: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
-    typed = ["", "0 deg", "0", "", "10.5 deg", "80 N mm"]
-    cut = subprocess.run(command, input="\n".join(typed) + "\n", check=False, **options)
-    assert cut.returncode == 1
+    typed = "\n0 deg\n0\n\n10.5 deg\n80 N mm\n"
+    cut = ended(*command, cwd=tmp_path, input=typed, code=1)
     assert "nobody answers at the terminal. The mover was stopped, and 2 readings" in cut.stderr
     assert "STOP: bring the platform back to rest" in cut.stdout
     # It goes on after a look at the rest pose.
-    typed = ["", "0.1 deg", "0", "", "", "-82 N mm"]
-    whole = subprocess.run(command, input="\n".join(typed) + "\n", check=True, **options)
+    whole = ended(*command, cwd=tmp_path, input="\n0.1 deg\n0\n\n\n-82 N mm\n")
     assert "STOP" not in whole.stdout
     table = read_table(tmp_path / "data.csv")
     assert table.text("kind").tolist() == ["pose", "pose", "home", "pose"]

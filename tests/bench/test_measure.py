@@ -417,9 +417,7 @@ def test_a_run_that_is_killed_goes_on_from_its_last_reading(
     out, journal = tmp_path / "data.csv", tmp_path / "data.journal.csv"
     known = {"tests": str(Path(__file__).parents[1]), "file": __file__, "out": str(out)}
     full = SCRIPT.format(**known, progress="rigs.fill_the_disk")
-    said = subprocess.run(
-        [sys.executable, "-c", full], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    said = ended(sys.executable, "-c", full, cwd=tmp_path, code=1)
     assert re.search(r"stopped at visit 4: .*File too large.* The mover was stopped", said.stderr)
     assert journal.stat().st_size % 100 == 0  # the fourth line is cut
     stops = ["the mover is being stopped", "The mover was stopped"]
@@ -758,12 +756,9 @@ def test_a_dry_run_and_a_command_without_yes_move_nothing(tmp_path: Path) -> Non
     assert not dry.stderr  # a plan goes to the same pose again on purpose
     assert "14 visits" in dry.stdout
     assert "farthest 5.00 mm and 0.000 rad from rest" in dry.stdout
-    options: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
-    asked = subprocess.run(command, check=False, stdin=subprocess.DEVNULL, **options)
-    assert asked.returncode == 2
+    asked = ended(*command, cwd=tmp_path, code=2, stdin=subprocess.DEVNULL)
     assert "nobody has agreed to the moves above" in asked.stderr
-    refused = subprocess.run([*command, "--yes"], check=False, **options)
-    assert refused.returncode == 1
+    refused = ended(*command, "--yes", cwd=tmp_path, code=1)
     assert "bench.toml [mover]: the device cannot be reached" in refused.stderr
     assert not (tmp_path / "data.csv").exists()
     assert ecm.read_table(tmp_path / "plan.csv", need="predict") is not None

@@ -41,6 +41,7 @@ from ecm.report.blocks import number
 from support.campaigns import campaign, physics
 from support.neck import (
     LENGTH_M,
+    NECK_TOML,
     ROOT,
     Command,
     Done,
@@ -314,9 +315,8 @@ def test_compare_sets_four_references_side_by_side(
 
     monkeypatch.setattr("ecm.comparison.reference_models.kept_physics", built)
     table = campaign("base_compliance", 2.0, 1)
-    body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
-    elastic = {"young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}
-    table.with_meta(replace(table.meta, mechanism=body | elastic)).write(tmp_path / "d.csv")
+    body = Mechanism().to_dict()
+    table.with_meta(replace(table.meta, mechanism=body)).write(tmp_path / "d.csv")
     fit_model(table, "linear").save(tmp_path / "m.json")
     done = ecm_command(
         "compare", tmp_path / "m.json", tmp_path / "d.csv", "--json", tmp_path / "c.json",
@@ -435,11 +435,7 @@ def test_from_candidates_to_a_refit_and_the_truth(
     poses, _ = neck_rows(40)
     candidates = {"pose_id": np.arange(40.0) + 100, **dict(zip(POSE, poses.T, strict=True))}
     Path("c.csv").write_text(csv_text(candidates), encoding="utf-8")
-    Path("c.toml").write_text(
-        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
-        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n",
-        encoding="utf-8",
-    )
+    Path("c.toml").write_text(NECK_TOML, encoding="utf-8")
     Path("rig.toml").write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
 
     def done(*arguments: object) -> Done:
@@ -528,11 +524,9 @@ def test_no_description_replaces_settings(
     model = tmp_path / "m.json"
     ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
     ecm_command("design", neck_csv, "--n", 9, "--model", "linear", "--out", plan, "--iterations", 9)
-    cylinder = '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1\nradius_m = 0.03\n'
-    cylinder += "young_modulus_Pa = 1e6\npoisson_ratio = 0.49\n"
     settings = tmp_path / "neck.toml"
     out = tmp_path / "neck.csv"
-    for text in (cylinder, f"# Mine.\n{cylinder}[simulate]\nn = 3\n", "[rig]\ndwell_s = 5.0\n"):
+    for text in (NECK_TOML, f"# Mine.\n{NECK_TOML}[simulate]\nn = 3\n", "[rig]\ndwell_s = 5.0\n"):
         settings.write_text(text, encoding="utf-8")
         ways = [("simulate", settings, "--out", out)]
         if "cylinder" not in text:

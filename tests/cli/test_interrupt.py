@@ -19,6 +19,7 @@ from ecm.io.interrupts import uninterrupted, wait_to_interrupt
 from ecm.io.table import as_table
 from interruptions import files, loads_ecm, printed, run, when, written
 from support.neck import Command, csv_text, neck_columns
+from support.programs import ended
 
 FIT = ("fit", "d.csv", "--model", "linear", "--json", "f.json", "--out", "m.json")
 
@@ -126,10 +127,8 @@ class Owner:
     ],
 )
 def test_an_interruption_is_not_lost_where_no_exception_gets_through(what: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", LOST + what], capture_output=True, text=True, check=False, timeout=30
-    )
-    assert (done.returncode, done.stdout) == (130, ""), done
+    done = ended(sys.executable, "-c", LOST + what, code=130, timeout=30)
+    assert done.stdout == "", done
     assert done.stderr.startswith("Interrupted; ")
     assert done.stderr.count("\n") == 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from ecm.regression import normal_equations
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import NormalEquations
 from support.campaigns import campaign, model, physics
+from support.programs import ended
 from support.stand_in import L, wrench
 
 REACH = np.array([0.004, 0.008, 0.008, 0.2, 0.25, 0.25])
@@ -63,8 +63,7 @@ before = peak_MB()
 PolynomialEvaluator.fit(x, x, 3)
 print(peak_MB() - before)
 """
-    ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
-    assert float(ran.stdout) < 50.0
+    assert float(ended(sys.executable, "-c", program).stdout) < 50.0
 
 
 @pytest.mark.parametrize("model", ["quadratic", "energy4"])
@@ -132,15 +131,10 @@ print(sha256(fit_model(slow_ramp(9000), "energy4").base.coefficients.tobytes()).
 """
     tests = str(Path(__file__).parents[1])
     paths = os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])
-    found = [
-        subprocess.run(
-            [sys.executable, "-c", program, threads],
-            check=True,
-            capture_output=True,
-            env=os.environ | {"PYTHONPATH": paths, "RAYON_NUM_THREADS": threads},
-        ).stdout
-        for threads in ("1", "2")
-    ]
+    found = []
+    for threads in ("1", "2"):
+        own = os.environ | {"PYTHONPATH": paths, "RAYON_NUM_THREADS": threads}
+        found.append(ended(sys.executable, "-c", program, threads, env=own).stdout)
     assert found[0] == found[1]
     assert len(found[0].split()) == 2
 
@@ -165,13 +159,9 @@ _, status = os.waitpid(child, 0)
 print(os.waitstatus_to_exitcode(status))
 """
     # Python 3.12 warns of threads at a fork, for good reason; here they do not matter.
-    ran = subprocess.run(
-        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", program],
-        check=True,
-        capture_output=True,
-        env=os.environ | {"RAYON_NUM_THREADS": "2"},
-    )
-    assert ran.stdout.split() == [b"0"]
+    python = (sys.executable, "-W", "ignore::DeprecationWarning", "-c")
+    ran = ended(*python, program, env=os.environ | {"RAYON_NUM_THREADS": "2"})
+    assert ran.stdout.split() == ["0"]
 
 
 def peak_MB(work: Callable[[], object]) -> float:

@@ -84,7 +84,7 @@ def test_an_effect_of_ones_own(
     follow(blocks(OWN), OWN.name, tmp_path, run_python_apart)
     ask = ["ecm", "predict", "better.json", "measured.csv", "--out", "predicted.csv"]
     with pytest.raises(AssertionError, match="unknown effect 'hose'"):
-        run(ask, tmp_path, OWN.name)
+        run(tmp_path, *ask)
     # What pip writes beside an installed package of that pyproject.toml.
     table = (tmp_path / "pyproject.toml").read_text().split('."ecm.effects"]')[1]
     offered = re.findall(r'^(\w+) = "(\S+)"$', table, re.MULTILINE)
@@ -95,8 +95,8 @@ def test_an_effect_of_ones_own(
     (installed / "entry_points.txt").write_text("\n".join(["[ecm.effects]", *lines, ""]))
     paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
-    run(ask, tmp_path, OWN.name)
-    assert "hose under pressure" in run(["ecm", "effects", "hose"], tmp_path, OWN.name)
+    run(tmp_path, *ask)
+    assert "hose under pressure" in run(tmp_path, "ecm", "effects", "hose")
 
 
 def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(

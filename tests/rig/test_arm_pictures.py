@@ -12,13 +12,14 @@ import pytest
 
 from arm_pictures import Film, campaign_of, write_film, write_pictures
 from ecm.errors import ComputationError, MissingExtra
+from ecm.io.columns import POSE
 from ecm.report.blocks import FigureBlock
 from ecm.rig.arm.campaign import RobotCampaign, first_pose_trace
 from ecm.rig.arm.simulation import mujoco
 from ecm.rig.arm.trips import Stop
 from ecm.workflow.report_identify import arm_section
 from support.arm_rig import arm_setup, library, plan, settings
-from support.neck import Command
+from support.neck import NECK_TOML, Command, csv_text, saved
 from support.stand_in import REST, L, StandIn, some_poses
 
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
@@ -107,14 +108,9 @@ def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_command_drives_the_arm_on_fem(tmp_path: Path, ecm_command: Command) -> None:
-    poses = some_poses(6, seed=2)
-    names = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
-    rows = "\n".join(",".join(f"{v:.9g}" for v in pose) for pose in poses)
-    (tmp_path / "plan.csv").write_text(",".join(names) + "\n" + rows + "\n")
-    (tmp_path / "plan.toml").write_text(
-        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
-        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n"
-    )
+    poses = dict(zip(POSE, some_poses(6, seed=2).T, strict=True))
+    saved(tmp_path / "plan.csv", csv_text(poses))
+    saved(tmp_path / "plan.toml", NECK_TOML)
     (tmp_path / "rig.toml").write_text(
         '[rig]\nmode = "robot"\nspeed_m_s = 0.05\nspeed_rad_s = 0.4\nprocesses = 1\n'
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -89,10 +88,8 @@ def errors_in_c(exported: Exported, folder: Path, steps: int = 1000) -> F:
     gcc = need_program("gcc", "cc")
     loop = _loop(folder, "neck_control.c", "int main(void)", "int example(void)")
     (folder / "many.c").write_text(loop + C_MAIN.replace("STEPS_RUN", str(steps // 2)), "utf-8")
-    built = [gcc, "-std=c99", "-O2", "neck.c", "many.c", "-o", "many"]
-    subprocess.run(built, cwd=folder, check=True)
-    told = cases_of(exported).tobytes()
-    ran = subprocess.run([folder / "many"], input=told, capture_output=True, check=True)
+    ended(gcc, "-std=c99", "-O2", "neck.c", "many.c", "-o", "many", cwd=folder)
+    ran = ended(folder / "many", input=cases_of(exported).tobytes(), text=False)
     return np.frombuffer(ran.stdout).reshape(-1, 2)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 from ecm.io.cache import hash_of
 from support.neck import ROOT
+from support.programs import ended
 
 QUICK = ROOT / "examples" / "quick.toml"
 USUAL = {"n": 240, "n_test": 40, "design": 100}
@@ -34,11 +34,7 @@ def identify_command(config: Path, out: Path, *options: str) -> list[str]:
 
 def identify(config: Path, out: Path, *options: str) -> None:
     """Run the job to its end."""
-    done = subprocess.run(
-        identify_command(config, out, *options),
-        capture_output=True, text=True, timeout=900, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    ended(*identify_command(config, out, *options), timeout=900)
 
 
 def identify_with_kept_fem(config: Path, out: Path, *options: str) -> None:

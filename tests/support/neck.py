@@ -21,6 +21,16 @@ SHARED_DATA = ROOT.parent / "shared" / "data"
 LENGTH_M = 0.1034
 
 
+NECK_TOML = """[mechanism]
+builtin = "cylinder"
+length_m = 0.1034
+radius_m = 0.033
+young_modulus_Pa = 0.65e6
+poisson_ratio = 0.49
+"""
+"""Its body, as a file describes it."""
+
+
 # The paper's equation (11), signs of our frame.
 STIFFNESS = np.diag([24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0])
 STIFFNESS[1, 5] = STIFFNESS[5, 1] = -179.0

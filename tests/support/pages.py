@@ -46,20 +46,17 @@ def blocks(path: Path) -> list[Block]:
     ]
 
 
-def run(command: list[str], cwd: Path, where: str) -> str:
-    environment = {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "COLUMNS": "100",
-    }
-    done = ended(*command, cwd=cwd, env=environment)
-    return done.stdout
+def run(folder: Path, *command: str) -> str:
+    """What a command prints that is typed in a folder."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "COLUMNS": "100"}
+    return ended(*command, cwd=folder, env=environment).stdout
 
 
-def run_apart(block: Block, folder: Path, where: str) -> str:
+def run_apart(block: Block, folder: Path, _where: str) -> str:
     """Run a block in a process of its own; what it prints."""
-    how = [sys.executable, "-c"] if block.language == "python" else ["bash", "-euc"]
-    return run([*how, block.text], folder, where)
+    how = (sys.executable, "-c") if block.language == "python" else ("bash", "-euc")
+    return run(folder, *how, block.text)
 
 
 def run_here(block: Block, folder: Path, where: str) -> str:

@@ -67,6 +67,11 @@ class Person(TestClient):
         super().__init__(server, base_url=HOME, headers={"x-ecm-token": TOKEN}, **options)
         self.at, self.session, self.jobs = app, app.session, app.jobs
 
+    def checked(self, path: Path) -> None:
+        """Upload a table, and accept what its check warns of."""
+        assert self.upload(path).status_code == 200
+        self.accept_all(self.finished())
+
     def upload(self, path: Path, name: str = "stage.csv") -> Any:
         return self.post("/api/upload", params={"name": name}, content=path.read_bytes())
 
@@ -171,17 +176,13 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(
 
 def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
     """Run a script beside the session, and compare every file that it writes."""
-    program = tmp_path / "bin" / "ecm"
-    program.parent.mkdir()
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ecm "$@"\n', encoding="utf-8")
+    (tmp_path / "bin").mkdir()
+    program = saved(tmp_path / "bin" / "ecm", f'#!/bin/sh\nexec "{sys.executable}" -m ecm "$@"\n')
     program.chmod(0o755)
     (session.folder / "script.sh").write_text(script, encoding="utf-8")
     again = tmp_path / "again"
     path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
-    subprocess.run(
-        ["sh", str(session.folder / "script.sh"), str(again)],
-        check=True, env={**os.environ, "PATH": path}, capture_output=True,
-    )  # fmt: skip
+    ended("sh", session.folder / "script.sh", again, env={**os.environ, "PATH": path})
     written = [name for name in session.downloads() if name not in ("script.sh", "steps.jsonl")]
     assert len(written) > 6
     for name in written:
@@ -475,12 +476,9 @@ def test_the_end_of_a_step_waits_for_a_full_disk(user: Person, tmp_path: Path) -
 
 def test_the_script_outside_its_folder_says_so(app: App, tmp_path: Path) -> None:
     app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
-    script, again = tmp_path / "script.sh", tmp_path / "again"
-    script.write_text(app.session.script(), encoding="utf-8")
-    done = subprocess.run(
-        ["sh", str(script), str(again)], check=False, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (1, "put this script into the session folder\n")
+    script, again = saved(tmp_path / "script.sh", app.session.script()), tmp_path / "again"
+    done = ended("sh", script, again, code=1)
+    assert done.stderr == "put this script into the session folder\n"
     assert not again.exists()
 
 
@@ -570,8 +568,7 @@ def test_a_refused_fit_can_be_forced_and_a_refused_effect_is_told(
 
 
 def test_another_base_and_an_effect_on_it_are_one_click(user: Person, tmp_path: Path) -> None:
-    user.upload(table(tmp_path / "stage.csv", drift=2e-4))
-    user.accept_all(user.finished())
+    user.checked(table(tmp_path / "stage.csv", drift=2e-4))
     user.step("fit", model="cubic")
     state = user.step("fit", model="linear", then={"verb": "refit", "add": ["fts_drift"]})
     assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
@@ -579,8 +576,7 @@ def test_another_base_and_an_effect_on_it_are_one_click(user: Person, tmp_path: 
 
 
 def test_every_effect_that_the_page_lists_can_be_added(user: Person, tmp_path: Path) -> None:
-    user.upload(table(tmp_path / "stage.csv", drift=2e-4, rows=60))
-    user.accept_all(user.finished())
+    user.checked(table(tmp_path / "stage.csv", drift=2e-4, rows=60))
     user.step("fit", model="linear")
     listed = user.get("/api/view/effects").json()["effects"]
     assert {"kink", "dead_zone", "higher_degree"} <= listed.keys()
@@ -620,8 +616,7 @@ def test_marked_rows_are_left_out_and_the_model_fitted_again(user: Person, tmp_p
 
 
 def test_what_is_typed_goes_into_the_descriptions(user: Person, tmp_path: Path) -> None:
-    user.upload(table(tmp_path / "stage.csv", drift=2e-4))
-    user.accept_all(user.finished())
+    user.checked(table(tmp_path / "stage.csv", drift=2e-4))
     said = {"mechanism": {"length_m": 0.1}, "instrument": {"force_sd_N": 0.02}}
     assert user.post("/api/describe", json={"sections": said}).status_code == 200
     state = user.finished()
@@ -1088,13 +1083,8 @@ def test_a_page_that_is_closed_in_an_upload_leaves_nothing(app: App) -> None:
         sent.append(message)
 
     headers = [(b"host", b"127.0.0.1:8000"), (b"x-ecm-token", TOKEN.encode())]
-    scope: dict[str, Any] = {
-        "type": "http",
-        "method": "POST",
-        "path": "/api/upload",
-        "headers": headers,
-    }
-    scope |= {"query_string": b"name=a.csv", "root_path": ""}
+    scope: dict[str, Any] = {"type": "http", "method": "POST", "path": "/api/upload"}
+    scope |= {"headers": headers, "query_string": b"name=a.csv", "root_path": ""}
     asyncio.run(application(app, port=PORT, token=TOKEN)(scope, receive, send))
     assert sent[0]["status"] == 400
     assert not list(app.session.folder.glob(".ecm-incoming-*"))

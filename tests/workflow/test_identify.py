@@ -26,7 +26,7 @@ from ecm.workflow.identify import select
 from support.driven import PRESSURES
 from support.jobs import QUICK, copy_fem, identify, identify_command, identify_with_kept_fem
 from support.neck import ROOT, Command
-from support.programs import need_program, until
+from support.programs import ended, need_program, until
 from support.report_pages import open_page
 
 
@@ -115,8 +115,7 @@ def smaller_arm(text: str) -> str:
 def arm_job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """`ecm new arm` and `ecm identify`, as typed; the arm is shorter, with fewer of everything."""
     folder = tmp_path_factory.mktemp("arm")
-    ecm = [sys.executable, "-m", "ecm", "new", "arm"]
-    subprocess.run(ecm, cwd=folder, capture_output=True, check=True)
+    ended(sys.executable, "-m", "ecm", "new", "arm", cwd=folder)
     config = folder / "arm.toml"
     config.write_text(smaller_arm(config.read_text()))
     identify_with_kept_fem(config, folder / "out", "--threads", "2", "--quiet")
