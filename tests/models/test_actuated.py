@@ -21,6 +21,7 @@ from ecm.models.selection import choose_model, default_candidates
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
 from support.driven import ARM, PRESSURES, VOLUMES, arm_table, measured
+from support.models import reread
 from support.neck import ROOT, Command, way_out
 
 ARM_FILE = ROOT / "examples" / "soft_arm.toml"
@@ -289,8 +290,7 @@ def test_inputs_far_beyond_the_fitted_ones_are_told(
     assert "pressure_2_Pa is 4.034e+04 to 5.923e+04, fitted 197.1 to 1.946e+04" in said
     assert "pressure_3_Pa is 4.484 to 1.99e+04, fitted 747.9" in said
     assert "pressure_2_Pa is 4.0" in ecm.predict(model, strong).warnings[-1]
-    model.save(tmp_path / "arm.json")
-    again = ecm.load_model(tmp_path / "arm.json")
+    again = reread(model, tmp_path)
     np.testing.assert_array_equal(again.extrapolates(rows), model.extrapolates(rows))
     assert not model.extrapolates(inputs_of(model.base, train)).any()
     # At constant inputs the poses are what is left to be inside of.
@@ -395,8 +395,7 @@ def test_the_stiffness_that_can_be_had_at_a_pose_holds_it(model: Model) -> None:
 
 
 def test_a_file_gives_the_same_model_back(model: Model, fresh: Table, tmp_path: Path) -> None:
-    model.save(tmp_path / "arm.json")
-    again = ecm.load_model(tmp_path / "arm.json")
+    again = reread(model, tmp_path)
     np.testing.assert_array_equal(again.predict(fresh), model.predict(fresh))
     assert again.actuated.actuators == PRESSURES
     assert again.name == "actuated4"
@@ -528,11 +527,8 @@ def test_three_forces_fit_and_name_as_six_loads_do(
     assert fitted.outputs == WRENCH[:3]
     left = fitted.predict(of_forces) - of_forces.matrix(WRENCH[:3])
     assert name != "none" or np.all(left.std(axis=0) < 0.008)
-    path = tmp_path / "arm.json"
-    fitted.save(path)
-    np.testing.assert_array_equal(
-        ecm.load_model(path).predict(of_forces), fitted.predict(of_forces)
-    )
+    again = reread(fitted, tmp_path)
+    np.testing.assert_array_equal(again.predict(of_forces), fitted.predict(of_forces))
     found = ecm.diagnose(fitted, of_forces)
     assert [item.id for item in found.effects] == [name] * (name != "none")
     assert "pressure_gain" not in {item.id for item in found.not_testable}

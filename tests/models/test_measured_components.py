@@ -15,7 +15,7 @@ from ecm.io.description import Meta
 from ecm.models import PhysicsMap, choose_model, surrogate_of
 from ecm.models.partial import MeasuredMap
 from ecm.models.physics.refit import PhysicsModel
-from support.models import spring_body
+from support.models import reread, spring_body
 from support.neck import columns_of, way_out
 
 LENGTH_M = 0.1
@@ -60,8 +60,7 @@ def test_an_energy_fits_and_keeps_to_what_was_measured(
     assert found.verdict == "none"
     assert found.base.kind == "energy"
     better = ecm.refit(model, table, add=["hysteresis"])
-    better.save(tmp_path / "model.json")
-    loaded = ecm.load_model(tmp_path / "model.json")
+    loaded = reread(better, tmp_path)
     np.testing.assert_array_equal(loaded.predict(table), better.predict(table))
     assert ecm.predict(model, table).matrix(outputs).shape == (120, len(outputs))
     if model.outputs == FORCES:
@@ -90,9 +89,7 @@ def test_a_whole_model_of_forces_without_a_stated_noise_is_stored_and_read(tmp_p
     poses = table.poses
     model = ecm.fit(table, PhysicsModel(base=whole_base(poses)))
     assert model.outputs == WRENCH
-    model.save(tmp_path / "model.json")
-    again = ecm.load_model(tmp_path / "model.json")
-    found = again.reading_sd(poses[:4])
+    found = reread(model, tmp_path).reading_sd(poses[:4])
     assert found is not None
     assert found.shape == (4, 6)
 

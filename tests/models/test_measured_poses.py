@@ -17,7 +17,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table, as_table
-from ecm.models import Model, fit_model, load_model, surrogate_of
+from ecm.models import Model, fit_model, surrogate_of
 from ecm.models.export import export_files
 from ecm.models.measured_poses import (
     Reach,
@@ -32,7 +32,7 @@ from ecm.models.measured_poses import (
     sample_of,
 )
 from support.campaigns import campaign, physics
-from support.models import with_effects
+from support.models import reread, with_effects
 from support.neck import ROOT, Command, columns_of, way_out
 
 OF_POSE = [e.id for e in all_effects() if e.kind == "pose" and e.side == "physics"]
@@ -71,8 +71,7 @@ def with_effect(model: Model, id: str, size: float = 1.0) -> Model:
 
 
 def test_a_file_holds_poses_of_its_rows_with_the_ends_of_each_coordinate(tmp_path: Path) -> None:
-    base("energy6").save(tmp_path / "m.json")
-    stored = measured_poses(load_model(tmp_path / "m.json"))
+    stored = measured_poses(reread(base("energy6"), tmp_path))
     np.testing.assert_allclose(stored, rows_of("energy6"), rtol=1e-7, atol=1e-12)
     random = np.random.default_rng(0)
     many = random.standard_normal((5000, 6)) * [1e-3, 4e-3, 4e-3, 0.1, 0.1, 0.1]

@@ -30,6 +30,7 @@ from ecm.models.polynomial import press_rank, singular_threshold
 from ecm.regression.folds import split_words
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, exact_table, workspace_poses
+from support.models import reread
 from support.neck import Command
 from support.stand_in import L, wrench
 
@@ -57,8 +58,7 @@ def test_a_group_recovers_what_it_stands_for(group: str, tmp_path: Path) -> None
     assert np.all(error < 1e-7 * scale)
     without = fit_model(table, "energy4")
     assert np.any(np.abs(without.predict(test) - truth.predict(test)).max(axis=0) > 1e-3 * scale)
-    with_group.save(tmp_path / "m.json")
-    again = load_model(tmp_path / "m.json")
+    again = reread(with_group, tmp_path)
     assert again.base.name == f"energy4+{group}"
     np.testing.assert_array_equal(again.predict(test), with_group.predict(test))
 
@@ -229,8 +229,7 @@ def test_leverage_grows_outside_and_the_flag_says_so(tmp_path: Path) -> None:
         assert 0.0 < found.mean() < (1.0 if name == "energy4" else 20.0)
         assert not model.extrapolates(np.ascontiguousarray(inside)).any()
         assert model.extrapolates(outside).mean() > 0.8
-        model.save(tmp_path / "m.json")
-        again = load_model(tmp_path / "m.json")
+        again = reread(model, tmp_path)
         np.testing.assert_array_equal(again.extrapolates(outside), model.extrapolates(outside))
     cut = fit_model(campaign(seed=3), PolynomialModel(3, pcr=0.5))
     assert cut.leverage(inside) is None

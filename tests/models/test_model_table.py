@@ -12,9 +12,10 @@ from ecm._native import rod_poses
 from ecm.errors import InputError, MissingExtra
 from ecm.io.columns import POSE
 from ecm.io.table import Table
-from ecm.models import fit_model, load_model, parse_model
+from ecm.models import fit_model, parse_model
 from ecm.models.export import export_files
 from support.campaigns import exact_campaign, exact_table
+from support.models import reread
 from support.stand_in import L
 
 SECTIONS = np.array([1900.0, 700.0, 0.65, 0.42])
@@ -66,8 +67,7 @@ def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> 
     table = rod_table(60, 3)
     model = fit_model(table, name, force=True)
     poses = table.poses[:10].copy()
-    model.save(tmp_path / "m.json")
-    again = load_model(tmp_path / "m.json")
+    again = reread(model, tmp_path)
     assert again.name == name
     np.testing.assert_array_equal(again.predict(poses), model.predict(poses))
     step = np.zeros(6)

@@ -34,6 +34,7 @@ from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import ModelSpecification
 from ecm.models.registry import MODELS
 from support.campaigns import campaign, exact_campaign, model, physics, workspace_poses
+from support.models import reread
 from support.stand_in import L, wrench
 
 
@@ -146,9 +147,7 @@ def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     fitted = fit_model(table, PhysicsModel(base=physics()) if name == "physics" else name)
     fitted = fitted.add("anisotropy").fit(table)
     fitted = fitted.add("fts_drift").freeze("anisotropy").fit(table)
-    path = tmp_path / "model.json"
-    fitted.save(path)
-    again = load_model(path)
+    again = reread(fitted, tmp_path)
     np.testing.assert_array_equal(again.predict(table), fitted.predict(table))
     poses = workspace_poses(7, 1)
     np.testing.assert_array_equal(again.stiffness(poses), fitted.stiffness(poses))

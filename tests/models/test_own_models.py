@@ -19,6 +19,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models import parse_model, registry
 from ecm.models.expression import FUNCTIONS, Expression
 from support.exports import CompiledC
+from support.models import reread
 from support.neck import columns_of
 
 NOISE_N = 0.05
@@ -48,8 +49,7 @@ def test_an_expression_and_a_function_fit_as_curve_fit_does(tmp_path: Path) -> N
     by_function = ecm.fit(table, spring, parameters=START)
     np.testing.assert_allclose(by_function.base.coefficients, values, rtol=1e-5)
     assert "k = 2002.55 +- 3.3" in model.fit_report()
-    model.save(tmp_path / "spring.json")
-    loaded = ecm.load_model(tmp_path / "spring.json")
+    loaded = reread(model, tmp_path)
     np.testing.assert_array_equal(loaded.predict(table), model.predict(table))
     assert loaded.base.parameters == model.base.parameters
 

@@ -41,6 +41,7 @@ from ecm.models.physics.build import BuildSettings, shape_of
 from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
 from ecm.models.physics.refit import physics_sentences, refit_physics
 from ecm.workflow.app import steps
+from support.models import reread
 from support.neck import columns_of
 from support.products import kept_arrays
 
@@ -344,8 +345,7 @@ def test_the_difference_of_two_meshes_belongs_to_the_base(
         larger.predict(moved), off * np.repeat([4.0, 8.0], 3), rtol=1e-9, atol=1e-9
     )
     assert shape_of(double).key() == shape_of(NECK).key()
-    Model(base=neck).save(tmp_path / "neck.json")
-    kept = load_model(tmp_path / "neck.json").base
+    kept = reread(Model(base=neck), tmp_path).base
     np.testing.assert_array_equal(kept.error_columns(poses)[:, :, 0], off)
     forces = MeasuredMap(neck, WRENCH[:3])
     np.testing.assert_array_equal(forces.error_columns(poses)[:, :, 0], off[:, :3])
@@ -444,18 +444,16 @@ def test_a_file_brings_the_family_along(neck: PhysicsMap, tmp_path: Path) -> Non
     poses = workspace_poses(NECK.fem().rest_stiffness(), 30, seed=3, margin=1.0)
     wrenches = neck.at(young_modulus_Pa=0.6e6, poisson_ratio=0.48).predict(poses)
     fitted = fit_model(table_of(poses, wrenches), PhysicsModel(base=neck))
-    path = tmp_path / "model.json"
-    fitted.save(path)
-    again = load_model(path)
+    again = reread(fitted, tmp_path)
     assert isinstance(again.base, PhysicsMap)
     np.testing.assert_array_equal(again.predict(poses), fitted.predict(poses))
     np.testing.assert_array_equal(again.base.columns(poses), fitted.base.columns(poses))
     np.testing.assert_allclose(again.base.coefficients, [0.6e6, 0.48], rtol=1e-6)
     document = fitted.document()
     document["family"]["table"] = document["family"]["table"][:2]
-    registry.write_document(document, path)
+    registry.write_document(document, tmp_path / "wrong.json")
     with pytest.raises(InputError, match=r"family.table: found shape \(2, 3"):
-        load_model(path)
+        load_model(tmp_path / "wrong.json")
 
 
 def test_a_rod_like_the_body_has_its_stiffness_at_rest() -> None:

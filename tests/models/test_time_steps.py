@@ -37,7 +37,7 @@ from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured
 from support.campaigns import campaign
 from support.exports import CompiledC, written
-from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
+from support.models import BRANCHES, FRICTION, TEMPERATURE, reread, with_effects
 
 LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
 
@@ -214,12 +214,8 @@ def test_the_export_says_how_fast_a_motion_damping_bears(plain: Model, step_s: f
     phase = 2.0 * np.pi * float(found[1 if step_s < 0.01 else 2]) * step_s * np.arange(200)
     rest = model.rest_pose("a test")[0]
     poses = rest + 1e-4 * np.sin(phase)[:, None]
-    table = as_table(
-        dict(zip(POSE, poses.T, strict=True))
-        | dict.fromkeys(WRENCH, np.zeros(200))
-        | {"time_s": step_s * np.arange(200)},
-        meta=Meta(file=FileMeta(kind="continuous"), mechanism={"length_m": rest[0]}),
-    )
+    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": step_s * np.arange(200)}
+    table = recorded(model, 200).with_columns(columns)
     controller = at_rest(model)
     stepped = np.array([controller.step(pose, step_s)[0] for pose in poses])[2:-1]
     late = rms(stepped - model.predict(table)[2:-1])
@@ -418,9 +414,8 @@ def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_th
     last = ranges["time_s"][1]
     reference = 0.5 * (low + high)
     fitted = fit_model(table, "energy4")
-    model = with_effects(fitted, (TemperatureModulus(reference), [0.004]), (Ageing(), [1e-6]))
-    model.save(tmp_path / "model.json")
-    model = load_model(tmp_path / "model.json")
+    effects = (TemperatureModulus(reference), [0.004]), (Ageing(), [1e-6])
+    model = reread(with_effects(fitted, *effects), tmp_path)
     assert model.conditions == ranges
     controller = model.controller()
     told = controller.inputs["temperature_degC"]

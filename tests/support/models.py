@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ecm.effects import Effect
 from ecm.effects.ageing import TemperatureModulus
 from ecm.effects.friction import Hysteresis
 from ecm.effects.relaxation import StressRelaxation
-from ecm.models import Model
+from ecm.models import Model, load_model
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.maps import EnergyMap
 
@@ -28,6 +29,12 @@ def spring_body() -> EnergyMap:
     wrenches = poses @ np.diag([2e4, 900.0, 900.0, 4.0, 6.0, 6.0])
     poses[:, 0] += 0.1
     return EnergyMap(EnergyEvaluator.fit(poses, wrenches, length_m=0.1, degree=4))
+
+
+def reread(model: Model, folder: Path) -> Model:
+    """The model from a file that it was stored in."""
+    model.save(folder / "model.json")
+    return load_model(folder / "model.json")
 
 
 def with_effects(model: Model, *effects: tuple[Effect, list[float]]) -> Model:
