@@ -11,13 +11,13 @@ import pytest
 from ecm._native import PolynomialEvaluator, left_jacobians
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.models import Model, fit_model
+from ecm.models import Model
 from ecm.models.control_loop import ControlLoop, Gains, LoopSettings, design_loop
 from ecm.models.export import export_files
 from ecm.models.measured_poses import poses_like_measured
-from support.campaigns import campaign
 from support.campaigns import model as physics_model
 from support.control_loops import errors_in_c, exported_to
+from support.exports import fitted
 
 
 def designed(model: Model, settings: LoopSettings | None = None) -> ControlLoop:
@@ -68,7 +68,7 @@ def test_every_kind_of_model_is_held_at_200_poses_on_other_mechanisms_with_delay
     kind: str, tmp_path: Path
 ) -> None:
     """The exported C: 20 % softer and stiffer, 0 to 3 ms late, each pose with one of these."""
-    model = physics_model() if kind == "physics" else fit_model(campaign(seed=3), kind)
+    model = physics_model() if kind == "physics" else fitted(kind)
     loop = designed(model)
     assert len(loop.poses) == 200
     assert loop.holds.all()
@@ -83,7 +83,7 @@ def test_every_kind_of_model_is_held_at_200_poses_on_other_mechanisms_with_delay
 
 def test_more_delay_than_the_margin_loses_the_platform() -> None:
     """Poles and simulation agree on where the loop is lost."""
-    model = fit_model(campaign(seed=3), "energy4")
+    model = fitted("energy4")
     loop = designed(model)
     steps = loop.gains.delay_steps + round(loop.delay_margin_s / loop.gains.dt_s)
     softness = np.full(len(loop.poses), 1.2)
@@ -161,7 +161,7 @@ def test_what_no_gain_can_hold_is_said() -> None:
 
 
 def test_a_model_without_stiffness_is_exported_without_a_loop() -> None:
-    model = fit_model(campaign(seed=3), "linear")
+    model = fitted("linear")
     known = model.base.model
     pushing = PolynomialEvaluator.from_coefficients(
         1, known.lower, known.upper, -known.coefficients
@@ -174,7 +174,7 @@ def test_a_model_without_stiffness_is_exported_without_a_loop() -> None:
 
 def test_the_noise_that_the_loop_passes_on_is_what_is_stated() -> None:
     """By the difference equation of the controller on readings that do not move."""
-    model = fit_model(campaign(seed=3), "energy4")
+    model = fitted("energy4")
     loop = designed(model, LoopSettings(mass_kg=3.0, inertia_kg_m2=0.002))
     w, dt = loop.gains.bandwidth_rad_s, loop.gains.dt_s
     e = np.random.default_rng(0).standard_normal(4001)
@@ -192,7 +192,7 @@ def test_settings_of_the_robot_are_checked() -> None:
             LoopSettings(**wrong)
     with pytest.raises(InputError, match="at most 50 steps"):
         LoopSettings(delay_s=1.0)
-    model = fit_model(campaign(seed=3), "energy4")
+    model = fitted("energy4")
     heavy = LoopSettings(mass_kg=20.0, inertia_kg_m2=0.1, delay_s=0.001, dt_s=0.002)
     text = export_files(model, "c", "neck", "double", heavy).files["neck_control.c"]
     assert "mass = R(2.000000e+01)" in text

@@ -17,7 +17,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.se3 import poses_of
 from ecm.io.table import as_table
-from ecm.models import Model, fit_model
+from ecm.models import fit_model
 from ecm.models.controller import AdaptSettings
 from ecm.models.export import TARGETS, export_files
 from ecm.models.measured_poses import reach_of
@@ -32,25 +32,17 @@ from support.cortex_m import (
     rust_library,
     stated_stack,
 )
-from support.exports import CompiledC, adapter_library, written
+from support.exports import CompiledC, adapter_library, fitted, written
 from support.models import BRANCHES, with_effects, with_time
 from support.neck import ROOT, Command
 from support.programs import cargo, ended, need_program
 
 
-@pytest.fixture(scope="module")
-def fitted() -> dict[str, Model]:
-    table = campaign(seed=3)
-    return {name: fit_model(table, name) for name in ("cubic", "energy4", "energy6")}
-
-
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("name", ["cubic", "energy6"])
-def test_the_c_loop_holds_the_platform(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
-) -> None:
+def test_the_c_loop_holds_the_platform(name: str, precision: str, tmp_path: Path) -> None:
     gcc = need_program("gcc", "cc")
-    folder = written(fitted[name], tmp_path, "c", precision)
+    folder = written(fitted(name), tmp_path, "c", precision)
     for source in ("neck_check", "neck_control"):
         program = tmp_path / source
         sources = folder / "neck.c", folder / f"{source}.c"
@@ -79,12 +71,10 @@ def test_the_c_loop_holds_the_platform(
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
-def test_the_loop_waits_for_what_relaxes_slowly(
-    fitted: dict[str, Model], precision: str, tmp_path: Path
-) -> None:
+def test_the_loop_waits_for_what_relaxes_slowly(precision: str, tmp_path: Path) -> None:
     """The softer platform relaxes otherwise than the model, for longer than a push is felt."""
     gcc = need_program("gcc", "cc")
-    slow = with_effects(fitted["energy4"], (StressRelaxation(8.0, "linear", frame="middle"), [1.0]))
+    slow = with_effects(fitted("energy4"), (StressRelaxation(8.0, "linear", frame="middle"), [1.0]))
     folder = written(slow, tmp_path, "c", precision)
     ended(gcc, "-O2", folder / "neck.c", folder / "neck_control.c", "-o", tmp_path / "loop")
     ended(tmp_path / "loop")
@@ -92,11 +82,9 @@ def test_the_loop_waits_for_what_relaxes_slowly(
 
 @pytest.mark.parametrize("core", list(BOARDS))
 @pytest.mark.parametrize("name", ["cubic", "energy4", "energy6"])
-def test_cortex_m_gives_the_golden_vectors(
-    fitted: dict[str, Model], name: str, core: str, tmp_path: Path
-) -> None:
+def test_cortex_m_gives_the_golden_vectors(name: str, core: str, tmp_path: Path) -> None:
     for precision in ("single", "double"):
-        folder = written(fitted[name], tmp_path / precision, "c", precision)
+        folder = written(fitted(name), tmp_path / precision, "c", precision)
         code = compiled(folder, core, folder / "neck.c")
         for source in ("neck_check.c", "neck_control.c"):
             run_on_board(linked(folder, core, code, folder / source), core)
@@ -116,10 +104,8 @@ def test_cortex_m_gives_the_golden_vectors(
             assert both - low <= 8
 
 
-def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
-    fitted: dict[str, Model], tmp_path: Path
-) -> None:
-    core, model = "cortex-m4", with_time(fitted["energy6"])
+def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(tmp_path: Path) -> None:
+    core, model = "cortex-m4", with_time(fitted("energy6"))
     folder = written(model, tmp_path, "c", "single")
     run_on_board(linked(folder, core, folder / "neck.c", folder / "neck_check.c"), core)
     written(model, folder / "neck", "rust", "single")
@@ -143,11 +129,11 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
 @pytest.mark.parametrize("precision", ["single", "double"])
 @pytest.mark.parametrize("name", ["cubic", "energy6"])
 def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
+    name: str, precision: str, tmp_path: Path
 ) -> None:
     core = "cortex-m4"
-    folder = written(fitted[name], tmp_path, "c", precision)
-    written(fitted[name], tmp_path / "neck", "rust", precision)
+    folder = written(fitted(name), tmp_path, "c", precision)
+    written(fitted(name), tmp_path / "neck", "rust", precision)
     library = rust_library(folder, "3", precision)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
     run_on_board(linked(folder, core, CORTEX / "example.c", library), core)
@@ -161,15 +147,13 @@ def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
 
 
 @pytest.mark.parametrize("level", ["0", "1", "3", "s"])
-def test_rust_in_single_precision_has_no_double_arithmetic(
-    fitted: dict[str, Model], level: str, tmp_path: Path
-) -> None:
+def test_rust_in_single_precision_has_no_double_arithmetic(level: str, tmp_path: Path) -> None:
     nm = need_program("arm-none-eabi-nm")
     double = re.compile(r"__aeabi_(d|\w+2d)|__\w+df|__extendsf")
     found = {}
     for precision in ("single", "double") if level == "3" else ("single",):
-        folder = written(fitted["energy4"], tmp_path / precision, "c", precision)
-        written(fitted["energy4"], folder / "neck", "rust", precision)
+        folder = written(fitted("energy4"), tmp_path / precision, "c", precision)
+        written(fitted("energy4"), folder / "neck", "rust", precision)
         library = rust_library(folder, level, precision)
         program = linked(folder, "cortex-m4", folder / "neck_check.c", library)
         found[precision] = double.findall(ended(nm, program).stdout)
@@ -177,9 +161,9 @@ def test_rust_in_single_precision_has_no_double_arithmetic(
     assert all(found.values())
 
 
-def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_path: Path) -> None:
+def test_inside_is_the_range_of_the_training_data(tmp_path: Path) -> None:
     for name in ("cubic", "energy6"):
-        folder = written(fitted[name], tmp_path / name, "c")
+        folder = written(fitted(name), tmp_path / name, "c")
         inside = CompiledC(folder / "neck.c").inside
         poses = campaign(seed=3).measured().poses
         assert {inside(pose) for pose in poses} == {1}
@@ -187,23 +171,21 @@ def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_
         beyond = np.where(np.arange(6) == 4, 2.0, 1.0) * farthest
         assert [inside(beyond), inside(np.full(6, np.nan))] == [0, 0]
         # The code is the reach of the measured poses, whose corners no load reaches.
-        reach = reach_of(fitted[name], fitted[name].base)
+        reach = reach_of(fitted(name), fitted(name).base)
         assert reach is not None
         shares = np.random.default_rng(5).uniform(-0.1, 1.1, (2000, 6))
         x = reach.low + shares * (reach.high - reach.low)
-        asked = x if name == "cubic" else poses_of(x, fitted[name].known_length_m or 0.0)
+        asked = x if name == "cubic" else poses_of(x, fitted(name).known_length_m or 0.0)
         expected = reach.contains(x)
         assert 20 < expected.sum() < 1000
         np.testing.assert_array_equal([inside(pose) for pose in asked], expected)
 
 
 @pytest.mark.parametrize("compiler", ["clang", "gcc"])
-def test_no_compiler_warns_of_the_code(
-    fitted: dict[str, Model], compiler: str, tmp_path: Path
-) -> None:
+def test_no_compiler_warns_of_the_code(compiler: str, tmp_path: Path) -> None:
     cc = need_program(compiler)
     for name, precision in (("cubic", "single"), ("energy4", "double"), ("time", "single")):
-        model = with_time(fitted["energy4"]) if name == "time" else fitted[name]
+        model = with_time(fitted("energy4")) if name == "time" else fitted(name)
         adapt = AdaptSettings(("modulus", "payload", "zero"))
         folder = written(model, tmp_path / name, "c", precision, adapt=adapt)
         for source in sorted(folder.glob("*.c")):
@@ -211,11 +193,9 @@ def test_no_compiler_warns_of_the_code(
             assert built.stderr == "", source.name
 
 
-def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
-    fitted: dict[str, Model], tmp_path: Path
-) -> None:
+def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(tmp_path: Path) -> None:
     """The wrench of a step is the static one and each share times its branch."""
-    model = with_effects(fitted["energy4"], BRANCHES)
+    model = with_effects(fitted("energy4"), BRANCHES)
     settings = AdaptSettings(("modulus", "shares"))
     written(model, tmp_path, "c", adapt=settings)
     # -u: what a shared library does not call itself is taken from the static one only where named.
@@ -237,22 +217,22 @@ def test_the_exported_adapter_takes_its_branches_from_the_exported_steps(
     assert 5 not in outcomes  # and none is refused
 
 
-def test_no_heap_and_no_libm(fitted: dict[str, Model], tmp_path: Path) -> None:
+def test_no_heap_and_no_libm(tmp_path: Path) -> None:
     gcc, nm = need_program("gcc"), need_program("nm")
-    for name, model in fitted.items():
-        folder = written(model, tmp_path / name, "c")
+    for name in ("cubic", "energy4", "energy6"):
+        folder = written(fitted(name), tmp_path / name, "c")
         ended(gcc, "-std=c99", "-O2", "-ffreestanding", "-c", folder / "neck.c", "-o", folder / "o")
         listed = ended(nm, "--undefined-only", folder / "o").stdout.split()
         assert set(listed) <= {"U", "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}, listed
 
 
-def test_mujoco_pushes_back_with_the_linear_part(fitted: dict[str, Model], tmp_path: Path) -> None:
-    exported = export_files(fitted["energy6"], "mujoco", "neck")
+def test_mujoco_pushes_back_with_the_linear_part(tmp_path: Path) -> None:
+    exported = export_files(fitted("energy6"), "mujoco", "neck")
     text = exported.files["neck.xml"]
     assert any("Lost" in note for note in exported.notes)
     tree = ElementTree.fromstring(text)
-    rest = np.array([[fitted["energy6"].base.length_m, 0, 0, 0, 0, 0]], dtype=float)
-    hessian = fitted["energy6"].base.stiffness(rest, "generalised")[0]
+    rest = np.array([[fitted("energy6").base.length_m, 0, 0, 0, 0, 0]], dtype=float)
+    hessian = fitted("energy6").base.stiffness(rest, "generalised")[0]
     found = np.zeros((6, 6))
     for tendon in tree.iter("fixed"):
         row = np.array([float(joint.attrib["coef"]) for joint in tendon.iter("joint")])
@@ -261,7 +241,7 @@ def test_mujoco_pushes_back_with_the_linear_part(fitted: dict[str, Model], tmp_p
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra robot)")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    h = fitted["energy6"].base.predict(rest)[0]
+    h = fitted("energy6").base.predict(rest)[0]
     for pose in np.eye(6) * 1e-4:
         data.qpos[:] = pose
         mujoco.mj_forward(model, data)
@@ -290,10 +270,8 @@ def test_effects_of_instruments_stay_out_and_those_of_physics_are_folded_in() ->
     assert all("loop" in note or "margins" in note for note in export_files(plain, "c").notes)
 
 
-def test_the_command_writes_the_files(
-    fitted: dict[str, Model], tmp_path: Path, ecm_command: Command
-) -> None:
-    fitted["cubic"].save(tmp_path / "m.json")
+def test_the_command_writes_the_files(tmp_path: Path, ecm_command: Command) -> None:
+    fitted("cubic").save(tmp_path / "m.json")
     out = tmp_path / "code"
     ran = ecm_command(
         "export", tmp_path / "m.json", "--to", "c", "--out", out, "--name", "neck",
@@ -310,16 +288,16 @@ def test_the_command_writes_the_files(
     ran = ecm_command("export", tmp_path / "m.json", "--to", "c", "--out", out, "--name", "A")
     assert ran.code == 2
     with pytest.raises(InputError, match="lower-case"):
-        export_files(fitted["cubic"], "c", "My Neck")
+        export_files(fitted("cubic"), "c", "My Neck")
 
 
 def test_each_target_is_in_the_help() -> None:
     (to,) = (one.help for one in load_command("export").params if one.name == "to")
     assert re.findall(r"\w+", to) == list(TARGETS)
     with pytest.raises(InputError, match="expected one of c, rust, mujoco, fmu"):
-        export_files(fit_model(campaign(seed=3), "linear"), "lisp")
+        export_files(fitted("linear"), "lisp")
     with pytest.raises(InputError, match="--to fmu is written in double"):
-        export_files(fit_model(campaign(seed=3), "linear"), "fmu", precision="single")
+        export_files(fitted("linear"), "fmu", precision="single")
 
 
 @pytest.mark.parametrize(
