@@ -408,7 +408,8 @@ def test_rows_tell_of_what_the_rows_so_far_cannot_show() -> None:
     told = look_at(rows, way).told
     assert told is not None
     worth = told.worth(list(range(90)), [])
-    assert np.median(worth[31:60:2] / worth[1:30:2]) > 1.5
+    # Beside what all of them tell of a sensor or a mass that may have changed at the end.
+    assert np.median(worth[31:60:2] - worth[1:30:2]) > 0.08
     # Each is what would be read now: the rows so far say little of a sensor 20 K colder.
     assert worth[:60].max() < 5.0
 
