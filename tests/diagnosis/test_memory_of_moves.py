@@ -72,3 +72,25 @@ def test_a_thick_body_takes_the_temperature_on_later(seed: int) -> None:
     said = diagnose(fit_model(table, "energy4-revolution"), table)
     assert said.family is not None, said.sentence()
     assert "the temperature of the body" in said.family.driver, said.sentence()
+
+
+def test_two_time_constants_beside_dwell_times_are_one_relaxation() -> None:
+    """One alone left five times the noise, which with it in the model had no name."""
+    random = np.random.default_rng(11)
+    poses = random_poses(random, 100)
+    elastic = tapered(poses)
+    dwell = random.choice([5.0, 15.0, 40.0, 120.0, 300.0], 100)
+    moved = np.cumsum(dwell + 20.0) - dwell
+    held = np.subtract.outer(moved + dwell, moved)
+    steps = np.diff(elastic, axis=0, prepend=np.zeros((1, 6)))
+    wrench = elastic + random.normal(size=elastic.shape) * NOISE
+    for tau_s, share in ((20.0, 0.12), (600.0, 0.08)):
+        ramp = -np.expm1(-20.0 / tau_s) * tau_s / 20.0
+        decayed = np.exp(-np.maximum(held, 0.0) / tau_s)
+        wrench += share * ramp * np.where(held > 0.0, decayed, 0.0) @ steps
+    columns = columns_of(poses, wrench) | {"time_s": moved + dwell, "dwell_s": dwell}
+    table = as_table(columns, meta=META)
+    said = diagnose(fit_model(table, "energy4-revolution"), table)
+    assert said.answer == (("stress_relaxation",),), said.sentence()
+    assert said.effects[0].effect.shape["second_tau_s"] > 200.0
+    assert said.held_out.after < 0.4 * said.held_out.before, said.held_out

@@ -311,9 +311,9 @@ class StressRelaxation(LinearEffect):
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with two branches; none where it has two already."""
-        if not self.overstress or self.branches == 2:
+        if not (self.overstress or self.path) or self.branches == 2:
             return ()
-        pairs = itertools.combinations(time_constants(table)[::2], 2)
+        pairs = itertools.combinations(self._taus(table)[::2], 2)
         return tuple(self._with_pair(*pair) for pair in pairs)
 
     def _with_pair(self, fast_s: float, slow_s: float) -> StressRelaxation:
