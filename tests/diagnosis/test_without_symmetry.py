@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,7 +16,7 @@ from ecm.io.se3 import inverse_left_jacobians
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.selection import choose_model
-from support.neck import columns_of
+from support.neck import LENGTH_M, columns_of, neck_columns
 
 L = 0.06
 NOISE = np.array([0.02] * 3 + [0.001] * 3)
@@ -187,3 +189,25 @@ def test_a_form_without_symmetry_that_leaves_nothing_is_the_answer_to_a_cubic() 
     assert (found.verdict, found.model.answer) == ("none", "form"), found.sentence()
     assert found.summary().add == 'better = ecm.fit(table, "energy5-general")'
     assert any(words.endswith("fit energy5-general") for words in found.warnings)
+
+
+def test_an_energy_that_does_not_foretell_the_rows_hides_no_turned_base() -> None:
+    """Its hundreds of terms took the turn in, and erred as much where no row was."""
+    random, rows = np.random.default_rng(1), 120
+    length = Meta(mechanism={"length_m": LENGTH_M})
+    body = fit_model(as_table(neck_columns(300), meta=length), "energy4")
+    poses = random.uniform(-1.0, 1.0, (rows, 6)) * [6e-4, 6e-3, 6e-3, 0.12, 0.14, 0.14]
+    poses *= np.linspace(0.35, 1.0, rows)[:, None]
+    bend = (poses[:, 4:] ** 2).sum(axis=1)
+    poses[:, 0] += LENGTH_M
+    wrench = body.predict(poses)
+    wrench *= (1.0 - 0.12 * np.tanh(np.maximum.accumulate(bend) / 0.01 - bend / 0.01))[:, None]
+    turn = Rotation.from_rotvec([0.0, 0.012, 0.03])
+    turns = turn * Rotation.from_rotvec(poses[:, 3:])
+    poses = np.hstack([turn.apply(poses[:, :3]), turns.as_rotvec()])
+    wrench = np.hstack([turn.apply(wrench[:, :3]), turn.apply(wrench[:, 3:])])
+    columns = columns_of(poses, wrench + 1.5 * random.normal(size=(rows, 6)) * NOISE)
+    meta = replace(META, mechanism=length.mechanism)
+    table = as_table(columns | {"time_s": 20.0 * np.arange(rows)}, meta=meta)
+    found = diagnose(fit_model(table, "energy4"), table)
+    assert "base_frame_misalignment" in {id for members in found.answer for id in members}, found
