@@ -6,11 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import as_table
 from ecm.models import fit_model
+from ecm.models.refit import refit
 from support.neck import columns_of
 from support.tapered_body import META, NOISE, random_poses, tapered
 
@@ -94,3 +97,21 @@ def test_two_time_constants_beside_dwell_times_are_one_relaxation() -> None:
     assert said.answer == (("stress_relaxation",),), said.sentence()
     assert said.effects[0].effect.shape["second_tau_s"] > 200.0
     assert said.held_out.after < 0.4 * said.held_out.before, said.held_out
+
+
+@pytest.mark.parametrize("hidden", ["jump", ""])
+def test_an_effect_that_takes_all_beside_that_of_the_model_is_another_cause(hidden: str) -> None:
+    """It had no name while it explained little of what the relaxation does."""
+    random = np.random.default_rng(1)
+    time = 0.1 * np.arange(960)
+    stroke = np.where(time < 48.0, time / 16.0, time / 3.0)
+    x = 2.3 * (2.0 / np.pi) * np.arcsin(np.sin(2.0 * np.pi * stroke))
+    rates = np.diff(x, prepend=x[0])
+    load = 120.0 * x + 6.0 * x**3 + lfilter([60.0], [1.0, -np.exp(-0.1 / 3.0)], rates)
+    load += 9.0 * (time > 67.0) * (hidden == "jump")
+    columns = {"time_s": time, "x_m": 1e-3 * x, "fx_N": load + random.normal(0.0, 1.5, 960)}
+    rig = Instrument(pose_position_sd_m=1e-7, force_sd_N=1.5)
+    table = as_table(columns, meta=Meta(file=FileMeta(kind="continuous"), instrument=rig))
+    model = refit(fit_model(table, "poly:3"), table, add="stress_relaxation")
+    said = diagnose(model, table)
+    assert said.answer == ((("jump",),) if hidden == "jump" else ()), said.sentence()

@@ -42,6 +42,7 @@ from ecm.diagnosis.settings import (
     MOST_IN_CLASS,
     REFUTED_BY,
     REFUTED_SHARE,
+    SEPARABLE,
     DiagnosisSettings,
 )
 from ecm.errors import ModelError
@@ -55,8 +56,6 @@ from ecm.regression.normal_equations import (
     solve,
 )
 
-SEPARABLE = 0.1
-"""Effects are alike when a rival leaves less than this share."""
 _LOST_BY_ONE, _LOST_BY_SHAPES = 0.5, 0.2
 """Share of a gain that an effect which cannot be tested may lose in its plain form, or in the best
 of several shapes, and still be the cause."""

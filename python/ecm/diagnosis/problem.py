@@ -516,6 +516,8 @@ class Problem:
     held: float = 0.0
     """Squares beside the base, over the noise scale, that the model's effects explain; they are
     taken off the response."""
+    holds: tuple[Effect, ...] = ()
+    """These effects."""
 
     @property
     def size(self) -> int:

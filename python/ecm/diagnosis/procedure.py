@@ -807,7 +807,7 @@ def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None)
     if slow is not None:
         problem = along_time(problem, slow)
     if held := _held(problem, prepared):
-        problem = replace(problem, held=held)
+        problem = replace(problem, held=held, holds=prepared.held)
 
     first = stages.gate(problem)
     ranking = stages.rank(problem)
@@ -817,6 +817,7 @@ def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None)
         if around is None:
             break
         nearer = assemble(problem.base, problem.table, effects, problem.noise, settings, around)
+        nearer = replace(nearer, held=problem.held, holds=problem.holds)
         order = stages.rank(nearer)
         again = stages.search(nearer, order)
         there, here = (
@@ -827,7 +828,7 @@ def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None)
             # The same effects leave more there: a large one is no longer linear.
             break
         same = {item.id for item in again} == {item.id for item in chosen}
-        problem, ranking, chosen = replace(nearer, held=problem.held), order, again
+        problem, ranking, chosen = nearer, order, again
         if same:
             break
     finer, tried = richer_forms(problem, chosen)

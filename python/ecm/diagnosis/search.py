@@ -20,7 +20,7 @@ from ecm.diagnosis.problem import (
     with_forms,
     with_more,
 )
-from ecm.diagnosis.settings import FORM_SHARE
+from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
@@ -200,8 +200,33 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
             return False
         if others and explained_share(problem, item, others, known, total) < FORM_SHARE:
             return False
-    # What the forms of the model's own effects leave is no further cause.
-    return not chosen or total >= ONE_CAUSE_SHARE * problem.held
+    # What the forms of the model's own effects leave is no further cause, unless all of it is noise
+    # beside this set: another form would follow no other effect so closely.
+    return not chosen or total >= ONE_CAUSE_SHARE * problem.held or takes_all(problem, chosen)
+
+
+def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+    """Whether a set takes nearly all that the base leaves beyond a noise that is known.
+
+    A known rival of an effect of the model is but another form of it.
+    """
+    rivals = {rival for own in problem.holds for rival in own.rivals}
+    own = {effect.id for effect in problem.holds}
+    if any(item.id in rivals or own.intersection(item.effect.rivals) for item in chosen):
+        return False
+    parameters = sum(item.parameters for item in chosen)
+    before = beyond_noise(problem)
+    after = before - delta_chi2(problem, chosen) + parameters
+    return not problem.noise.is_assumed and after < SEPARABLE * before
+
+
+def beyond_noise(problem: Problem) -> float:
+    """Return the squares that the base leaves beyond those of the noise, over its scale.
+
+    A noise that looks larger than it is known to be may hold what a form leaves.
+    """
+    noise = min(problem.scale, 1.0) * (problem.size - problem.base_block.shape[2])
+    return float((problem.squares_beside_base - noise) / problem.scale)
 
 
 def explained_share(

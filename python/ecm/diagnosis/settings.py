@@ -11,6 +11,8 @@ from ecm.io.settings import Checked, setting
 
 MOST_IN_CLASS = 3
 """Members of a class, the nearest first."""
+SEPARABLE = 0.1
+"""Effects are alike when a rival leaves less than this share."""
 FORM_SHARE = 0.06
 """Share that the form of a right effect may leave: a rival that looks alike and loses no more may
 be the truth."""

@@ -35,7 +35,14 @@ from ecm.diagnosis.left_over import (
 )
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import Ranked, Refinement, delta_chi2, explained_share, without
+from ecm.diagnosis.search import (
+    Ranked,
+    Refinement,
+    beyond_noise,
+    delta_chi2,
+    explained_share,
+    without,
+)
 from ecm.diagnosis.statements import (
     NoiseFinding,
     WrongStatement,
@@ -246,13 +253,15 @@ _AS_LIKELY = 0.5
 _LEAST_LEFT, _CHANCE = 0.003, 5.0
 """Share, and chi^2, that names leave below which less tells no more: form and chance leave them."""
 _OF_MODEL = 0.1
-"""Share of what the model's own effects explain that their forms leave at most, in that fit."""
+"""Share of what the model's own effects explain that their forms leave at most, in that fit; nor do
+they leave more than is there beyond the noise."""
 
 
 def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
     """Return each effect's share in what all explain and forms of the model's effects leave."""
     total = delta_chi2(problem, effects)
-    own = total / max(total + _OF_MODEL * problem.held, 1e-300)
+    forms = min(_OF_MODEL * problem.held, max(beyond_noise(problem), total))
+    own = total / max(total + forms, 1e-300)
     beside = [(item, without(effects, item)) for item in effects]
     return [
         own * explained_share(problem, item, others, delta_chi2(problem, others), total)
