@@ -112,6 +112,16 @@ def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: 
     assert compared > 5
 
 
+def test_the_first_pose_came_from_rest_wherever_that_was(rows: Rows) -> None:
+    """Without a recorded approach it was held for ever, and the slowest branch erred for hours."""
+    names = (*POSE, *WRENCH, "time_s", "dwell_s")
+    columns = {name: rows.table.column(name)[2:12] for name in names}
+    columns["dwell_s"] = np.full(10, 40.0)
+    late = Rows(as_table(columns, meta=Meta(mechanism={"length_m": L})), physics())
+    visits = StressRelaxation(600.0, path="visits").columns(late)[0, :, 0]
+    assert visits == pytest.approx(late.material_wrench[0] * np.exp(-40.0 / 600.0))
+
+
 @pytest.mark.parametrize("path", ["", "visits"])
 def test_two_branches_of_a_campaign_are_two_effects_of_one_branch(rows: Rows, path: str) -> None:
     both = StressRelaxation(1.0, second_tau_s=20.0, path=path)

@@ -28,7 +28,7 @@ from ecm.effects.protocol import (
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.regression.history import from_both_sides, order_of_visits
+from ecm.regression.history import from_both_sides, order_of_visits, row_before
 from ecm.regression.rows import Rows, is_whole
 
 
@@ -313,7 +313,8 @@ class StressRelaxation(LinearEffect):
         """The same with two branches; none where it has two already."""
         if not (self.overstress or self.path) or self.branches == 2:
             return ()
-        pairs = itertools.combinations(self._taus(table)[::2], 2)
+        taus = self._taus(table)
+        pairs = itertools.combinations(taus[:: 2 if len(taus) == _TAUS else 1], 2)
         return tuple(self._with_pair(*pair) for pair in pairs)
 
     def _with_pair(self, fast_s: float, slow_s: float) -> StressRelaxation:
@@ -408,6 +409,8 @@ def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
     goals = rows.material_wrench[:, None]
     if is_whole(rows.base):
         came = rows.loaded(rows.of_material(rows.known_before))
+        # The first of a run came from rest, wherever that was: it was not held for ever.
+        came[(row_before(table) < 0) & ~np.isfinite(rows.came_from).all(axis=1)] = 0.0
         goals = np.stack([came, rows.material_wrench], axis=1)
     if frame == "middle":
         came = generalised(rows.known_before, came)
