@@ -239,3 +239,27 @@ def test_an_effect_is_added_to_the_degree_that_it_hid() -> None:
     better = ecm.fit(table, "poly:3").add("unused_column:humidity").fit(table)
     plain = ecm.refit(model, table, add="unused_column:humidity")
     assert better.training["over_noise"] < 0.3 * plain.training["over_noise"]
+
+
+def test_a_weak_column_has_a_name_once_a_strong_effect_is_in_the_model() -> None:
+    """What the form of friction leaves follows no humidity: it was "another form of hysteresis"."""
+    random, time = np.random.default_rng(1), 5.0 * np.arange(240)
+    x = 3.0 * np.sin(time / 23.9 + 1.0) + 0.6 * np.sin(time / 7.48)
+    turn = 2.5 * np.sin(time / 15.4 + 1.0)
+    humid = 45.0 + 12.0 * np.sin(time / 420.0) + random.normal(0.0, 0.2, 240)
+    way, rub, most = np.column_stack([x, turn]), np.zeros((240, 2)), np.array([1.2, 8.0])
+    for i in range(1, 240):
+        rub[i] = np.clip(rub[i - 1] + 2.0 * most * (way[i] - way[i - 1]), -most, most)
+    elastic = np.column_stack(
+        [9.0 * x + 0.12 * x**3 + 1.1 * turn, 40.0 * turn + 1.5 * turn**3 + 63.0 * x]
+    )
+    load = elastic * (1.0 - 0.0012 * (humid - 45.0))[:, None] + rub
+    load += random.normal(size=(240, 2)) * [0.15, 0.8]
+    columns = {"time_s": time, "x_m": 1e-3 * x, "theta_z_rad": np.deg2rad(turn), "humidity": humid}
+    columns |= {"fx_N": load[:, 0], "tau_z_Nm": 1e-3 * load[:, 1]}
+    noise = {"force_sd_N": 0.15, "torque_sd_Nm": 8e-4}
+    noise |= {"pose_position_sd_m": 1e-6, "pose_rotation_sd_rad": 3.5e-5}
+    table = ecm.as_table(columns, meta={"instrument": noise})
+    rubs = ecm.refit(ecm.fit(table, "cubic"), table, add="hysteresis")
+    found = find_missing(rubs, table)
+    assert found.answer == (("unused_column:humidity",),)

@@ -200,9 +200,19 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
             return False
         if others and explained_share(problem, item, others, known, total) < FORM_SHARE:
             return False
-    # What the forms of the model's own effects leave is no further cause, unless all of it is noise
-    # beside this set: another form would follow no other effect so closely.
-    return not chosen or total >= ONE_CAUSE_SHARE * problem.held or takes_all(problem, chosen)
+    # What the forms of the model's own effects leave is no further cause, unless it follows a
+    # column by itself, or all is noise beside this set: no other form would follow one so closely.
+    if not chosen or total >= ONE_CAUSE_SHARE * problem.held:
+        return True
+    if all(follows_alone(item.effect, problem.holds) for item in chosen):
+        return total >= FORM_SHARE * problem.squares_beside_base / problem.scale
+    return takes_all(problem, chosen)
+
+
+def follows_alone(effect: Effect, others: Sequence[Effect]) -> bool:
+    """Whether an effect follows a recorded column that none of the others follows."""
+    column = getattr(effect, "column", None)
+    return bool(column) and column not in [getattr(one, "column", "") for one in others]
 
 
 def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:
@@ -237,8 +247,7 @@ def explained_share(
     What the form of the others leaves does not follow a recorded column that none of them follows:
     of an effect of that column it is the share in what they leave, however much they explain.
     """
-    column = getattr(item.effect, "column", None)
-    if others and column and column not in [getattr(one.effect, "column", "") for one in others]:
+    if others and follows_alone(item.effect, [one.effect for one in others]):
         left = problem.squares_beside_base / problem.scale - known
         return (total - known) / max(left, 1e-300)
     return (total - known) / max(total, 1e-300)
