@@ -9,16 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_241, 200),
+    "python/ecm": (44_152, 200),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_575, 238),
+    "tests": (35_545, 238),
     "crates": (34_565, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
-logs of hexapods, trackers and stages (38 lines in Python), energies of chambers beside three forces
-(29), errors beside a richer base by one projection (9), several effects of one driver (18), names
-against equal chambers (14), loads scaled to the body (10), and a test of each."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. Read room by room for
+what stands twice, the package lost 232 lines and the tests 275. The last rise, within that:
+further causes beside the model's own effects (52 lines), names of tracked turns and ways out (56),
+a mass that is picked up (12), sizes beyond bounds and what a form may leave (30), and tests."""
 
 
 @pytest.mark.parametrize("part", PARTS)
