@@ -216,6 +216,15 @@ def test_a_base_that_too_few_rows_tell_asks_for_more_poses(told: dict[str, Told]
     assert Summary.of(few).next.startswith("measure more: on held-out rows physics errs 5.9")
 
 
+def test_an_experiment_that_raises_no_chance_is_not_the_next_one(told: dict[str, Told]) -> None:
+    named, chances = told["named"].document, {"p_correct_before": 0.561, "p_correct": 0.562}
+    lone = {"action": "wait", "minutes": 30, "separates": ["payload or own_weight"], **chances}
+    kept = Summary.of(named | {"next_experiment": [lone]}).next
+    assert kept.startswith(named["look_alikes"][0]["apart"])
+    raised = Summary.of(named | {"next_experiment": [lone | {"p_correct": 0.9}]}).next
+    assert raised == "wait (30 min, chance of the right name 0.56 -> 0.90)"
+
+
 def test_a_name_whose_error_rises_on_held_out_rows_asks_for_more_poses(
     told: dict[str, Told],
 ) -> None:

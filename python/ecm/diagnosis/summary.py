@@ -385,9 +385,13 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
 
 def _told_apart(document: Mapping[str, Any]) -> Iterator[str]:
     for best in document["next_experiment"][:1]:
-        known = best.get("p_correct") is not None
-        chance = ", chance of the right name {p_correct_before:.2f} -> {p_correct:.2f}"
-        yield f"{best['action']} ({best['minutes']} min{chance.format(**best) if known else ''})"
+        words = f"{best['action']} ({best['minutes']} min"
+        if best.get("p_correct") is None:
+            yield f"{words})"
+            continue
+        before, after = (f"{best[key]:.2f}" for key in ("p_correct_before", "p_correct"))
+        if after != before:  # else it would tell nothing
+            yield f"{words}, chance of the right name {before} -> {after})"
     for one in document["look_alikes"][:1]:
         yield f"{one['apart']}: tells {one['id']} from {one['what'].split(':')[0]}"
 
