@@ -155,3 +155,14 @@ def test_effects_of_few_columns_go_from_process_to_process_with_their_needs(
         copied = pickle.loads(pickle.dumps(effect))
         assert copied.id == effect.id
         assert copied.missing(some) == effect.missing(some)
+
+
+@pytest.mark.parametrize("id", ["robot_compliance", "joint_offset", "backlash"])
+def test_an_arm_of_six_joints_is_not_asked_for_a_seventh(id: str) -> None:
+    lacking = get_effect(id).missing(full_table().drop(JOINTS[6]))
+    assert lacking is not None
+    assert "an arm of six joints" in lacking.reason
+    assert JOINTS[6] not in lacking.record
+    none = get_effect(id).missing(full_table().drop(*JOINTS))
+    assert none is not None
+    assert JOINTS[6] in none.record

@@ -205,6 +205,16 @@ _MOST_OF_A_WIDTH = 2.0
 """A play beyond so many times the width that shapes it is none: other widths are tried."""
 
 
+def _needs_that_arm(table: Table) -> Missing | None:
+    """Missing with the joints of an arm of six: no reason to record a seventh."""
+    if not table.has(*JOINTS[:6]) or table.has(JOINTS[6]):
+        return None
+    return Missing(
+        "an arm of six joints: the one that is known here (docs/robot.md) has 7",
+        "poses by a camera: what the arm yields is no part of them",
+    )
+
+
 def _needs_tool(table: Table) -> Missing | None:
     """Missing where poses do not follow from the joints, or do not determine the tool."""
     if table.has("leds_visible"):
@@ -219,7 +229,7 @@ class _JointEffect(Effect):
     J is the Jacobian of the top frame, whose pose on the flange follows from the rows.
     """
 
-    requires: tuple[Need, ...] = (needs_full, needs_columns(*JOINTS), _needs_tool)
+    requires: tuple[Need, ...] = (needs_full, _needs_that_arm, needs_columns(*JOINTS), _needs_tool)
     side = "measurement"
     kind = "time"
 
@@ -332,7 +342,9 @@ class Backlash(_JointEffect, LinearEffect):
         "joint positions and the sign of their last motion (q1_rad, ..., q1_dir, ...), and "
         "poses from the encoders"
     )
-    requires: tuple[Need, ...] = (needs_full, needs_columns(*JOINTS, *JOINT_SIGNS), _needs_tool)
+    requires: tuple[Need, ...] = (
+        needs_full, _needs_that_arm, needs_columns(*JOINTS, *JOINT_SIGNS), _needs_tool
+    )  # fmt: skip
     rivals = {"hysteresis": "joint_reversal", "fts_hysteresis": "joint_reversal"}
 
     def __init__(self, play: str | None = None, **top_on_flange: float) -> None:
