@@ -89,13 +89,14 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     pose = dict(zip(inputs, scaled.T, strict=True))
     others = covariates(rows)
     bent = {"time_s", *rows.table.covariates}
-    found = {"constant": np.ones(len(rows))} | pose | others
+    # Without a name, which no column has: one of the user's may be called "constant".
+    found = {"": np.ones(len(rows))} | pose | others
     found |= {f"{name}^2": values**2 for name, values in others.items() if name in bent}
     found |= {f"{a}*{b}": x * y for a, x in others.items() for b, y in pose.items()}
     found |= {f"{name}^2": values**2 for name, values in pose.items()}
     found |= {f"{a}*{b}": pose[a] * pose[b] for i, a in enumerate(inputs) for b in inputs[:i]}
     names = tuple(found)[:most]
-    return np.stack([found[name] for name in names], axis=1), names
+    return np.stack([found[n] for n in names], axis=1), tuple(n or "constant" for n in names)
 
 
 def in_each_component(whitener: F, values: F) -> F:

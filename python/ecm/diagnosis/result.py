@@ -28,9 +28,9 @@ from ecm.diagnosis.next_experiment import (
 from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
-    ONE_CAUSE_SHARE,
     Ranked,
     Refinement,
+    all_needed,
     estimate,
     held_out_by_fold,
     held_out_rms,
@@ -373,7 +373,7 @@ def _next_experiments(decision: Decision) -> tuple[Proposal, ...]:
     problem, accepted = decision.problem, decision.accepted
     best = decision.ranking[0] if decision.ranking and decision.verdict == "none" else None
     seen = best is not None and best.delta_bic > problem.settings.least_bic
-    if best is None or not seen or best.drop >= ONE_CAUSE_SHARE * problem.held:
+    if best is None or not seen or all_needed(problem, [best.candidate]):
         return next_experiments(problem, accepted.effects, accepted.classes)
     return (apart_from_held(best.id, [*decision.prepared.of_model], problem.table),)
 

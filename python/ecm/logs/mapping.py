@@ -332,6 +332,8 @@ def _read_names(log: Log) -> dict[str, Named]:
 
 
 _ALIKE = ("position", "force", "torque", "rotation", "quaternion")
+_UNIT = 0.01
+"""By how much the squares of a quaternion may miss 1, in the digits of a log."""
 
 
 def _name_threes(log: Log, named: dict[str, Named]) -> None:
@@ -373,12 +375,9 @@ def _name_threes(log: Log, named: dict[str, Named]) -> None:
 
 
 def _is_unit(log: Log, names: Collection[str]) -> bool:
-    """Whether four columns are a unit quaternion, to the digits of a log."""
+    """Whether columns are the four of a unit quaternion."""
     squares = sum(log.columns[name] ** 2 for name in names)
     return len(names) == len(_AXES) + 1 and bool(np.all(np.abs(squares - 1.0) < _UNIT))
-
-
-_UNIT = 0.01
 
 
 def _stated(name: str, own: Named, dimension: str) -> Unit | None:
