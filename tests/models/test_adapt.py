@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,8 +12,10 @@ from ecm._native import rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.description import Scene
 from ecm.models import Model, fit_model
 from ecm.models.controller import OUTCOMES, Adapter, AdaptSettings
+from ecm.models.export.files import export_files
 from support.campaigns import exact_table, workspace_poses
 from support.stand_in import L, wrench
 
@@ -192,6 +197,20 @@ def test_a_saved_state_goes_on_to_the_bit(model: Model) -> None:
     assert one.observe(np.full(6, np.nan), measured[0], 0.05) == "refused"
     assert one.observe(seen[0], measured[0], -1.0) == "refused"
     assert (one.state == before).all()
+
+
+def test_a_payload_weighs_along_the_gravity_of_the_scene(model: Model) -> None:
+    """Of a mechanism that lies, the adapter took gravity along its axis all the same."""
+    lying = replace(model, scene=Scene(gravity_m_s2=(0.0, -9.81, 0.0)))
+    own = lying.controller().adapt(AdaptSettings(("payload",)))
+    poses = moving(20.0, 3)
+    felt = lying.predict(poses) + np.array([0.0, 9.81 * 0.3, 0.0, 0.0, 0.0, 0.0])
+    for pose, reading in zip(poses, felt, strict=True):
+        own.observe(pose, reading, 1 / RATE)
+    assert abs(own.values["mass"] - 0.3) < 0.03
+    files = export_files(lying, "c", "neck", adapt=AdaptSettings(("payload",))).files
+    gravity = re.findall(r"gravity: \[(.*?)\]", str(files["neck_adapt/src/adapt.rs"]))
+    assert [float(part) for part in gravity[0].split(",")] == [0.0, -9.81, 0.0]
 
 
 def test_wrong_settings_are_refused() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from numbers import Real
 from typing import Any, Literal, get_args
@@ -17,6 +17,7 @@ from ecm.errors import InputError, shown
 from ecm.io.arguments import listed
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.description import Scene
 from ecm.models.time_effects import Input, TimeEffects
 
 Outcome = Literal["waiting", "adapted", "left out", "jumped", "diagnose", "refused"]
@@ -74,8 +75,8 @@ class AdaptSettings:
     """The same of a rotation, rad."""
     model_rim: float = 3.0
     """Error of the model at the rim of its domain over that in the middle, 1 or more."""
-    gravity_m_s2: tuple[float, float, float] = (-9.81, 0.0, 0.0)
-    """Gravity in base axes."""
+    gravity_m_s2: tuple[float, float, float] | None = None
+    """Gravity in base axes; None: that of the data's `[scene]`."""
     interval_s: float = 0.1
     """Time over which readings, two or more, are averaged before they change a parameter."""
     modulus_sd: float = 0.2
@@ -114,14 +115,14 @@ class AdaptSettings:
         """The parameters that are estimated."""
         return tuple(name for group in GROUPS if group in self.groups for name in GROUPS[group])
 
-    def document(
-        self, effects: TimeEffects, domain: Mapping[str, Sequence[float]]
-    ) -> dict[str, Any]:
+    def document(self, effects: TimeEffects, model: Mapping[str, Any]) -> dict[str, Any]:
         """Settings of the compiled adapter; parameters that were not chosen are held.
 
-        `domain` is the range of each pose column that the model was fitted on.
+        `model` is the document of the model: the range of each pose column that it was fitted on,
+        and the scene of its data.
         """
-        ranges = [domain.get(name, (0.0, 0.0)) for name in POSE]
+        ranges = [model.get("domain", {}).get(name, (0.0, 0.0)) for name in POSE]
+        scene = model.get("scene", {}).get("gravity_m_s2", Scene().gravity_m_s2)
         branches = effects.document.get("branches", [])
         shares = [float(branch["share"]) for branch in branches]
         if "shares" in self.groups and not shares:
@@ -154,9 +155,18 @@ class AdaptSettings:
                     2.0 / (high - low) if high > low else 0.0 for low, high in ranges
                 ],
             },
-            "gravity": list(self.gravity_m_s2),
+            "gravity": list(scene if self.gravity_m_s2 is None else self.gravity_m_s2),
             "interval_s": self.interval_s,
         }
+
+    def sentence(self) -> str:
+        """The noise that one reading is taken to have, which exports say."""
+        return (
+            f"What follows readings takes each to have noise of {self.force_sd_N:.3g} N, "
+            f"{self.torque_sd_Nm:.3g} N m, {1e3 * self.position_sd_m:.3g} mm and "
+            f"{1e3 * self.rotation_sd_rad:.3g} mrad. State yours in its settings: too much hides "
+            "jumps, too little ends in a diagnosis without cause."
+        )
 
     def _known(self, name: str) -> tuple[float, float, float, bool]:
         """Standard deviation, its growth in an hour, half of the range, and whether it may jump."""
@@ -258,8 +268,7 @@ class Adapter(_Steps):
         """(6, 6) its derivative to the pose, without the turning of the payload."""
 
     def _compiled(self) -> _native.Adapter:
-        domain = json.loads(self._document).get("domain", {})
-        own = json.dumps(self.settings.document(self.effects, domain))
+        own = json.dumps(self.settings.document(self.effects, json.loads(self._document)))
         effects = json.dumps(self.effects.document)
         return _native.Adapter(seal_model(self._document), effects, own)
 

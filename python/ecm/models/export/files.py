@@ -298,7 +298,7 @@ def export_files(
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
         given,
-        notes=(*timed.sentences(), *notes, *given.notes),
+        notes=(*timed.sentences(), *notes, *given.notes, *([adapt.sentence()] if adapt else [])),
         left_out=tuple(timed.left_out),
         folding=folding,
         folded=tuple(sorted(item.id for item in model.acting_at_poses)),

@@ -118,7 +118,7 @@ class Source:
         steps = json.dumps(self.timed.document) if self.has_state else None
         follows = None
         if self.adapt is not None:
-            follows = json.dumps(self.adapt.document(self.timed, self.inside.domain))
+            follows = json.dumps(self.adapt.document(self.timed, document))
         files: dict[str, str] = export_model(
             seal_model(json.dumps(document)),
             self.name,
