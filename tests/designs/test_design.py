@@ -523,6 +523,22 @@ def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Co
     assert "positive figures" in done.err
 
 
+def test_a_model_of_three_forces_is_a_base_of_a_design() -> None:
+    """Rows, noise and effects were taken to be of six wrench columns; what three tell counts."""
+    table = candidates(60)
+    forces = Table({name: table[name] for name in (*POSE, *WRENCH[:3])}, table.meta, "forces")
+    nominal = nominal_model(forces, ecm.fit(forces, "energy4"))
+    wanted = DesignSettings(model="energy4", effects=(get_effect("payload"),), iterations=3)
+    found = regressor(forces.poses, wanted, base=nominal)
+    assert found.rows_per_pose == 3
+    assert found.rows.shape[1] < 22 + 4
+    plan = diagnosable_plan(forces, optimal_design(forces.poses, 12, wanted, base=nominal))
+    payload, taper = identifiability(plan, nominal, [*wanted.effects, get_effect("taper")])
+    assert not payload.reason
+    assert "torques" in taper.reason
+    optimal_design(forces.poses, 30, DesignSettings(model="linear", iterations=3), base=nominal)
+
+
 def test_a_ridge_determines_what_few_poses_cannot() -> None:
     poses, _ = neck_rows(60)
     with pytest.raises(EcmError, match="28 coefficients"):

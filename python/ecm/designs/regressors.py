@@ -42,6 +42,7 @@ from ecm.models import (
 )
 from ecm.models.actuated import ActuatedModel
 from ecm.models.maps import EnergyTerms
+from ecm.models.partial import seen_combinations
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.regression.rows import actuators_of
 from ecm.rig.instruments import Camera, ForceTorqueSensor, sd_of
@@ -90,7 +91,7 @@ class NominalModel:
         names = (*POSE, *actuators_of(self.base))[: np.shape(poses)[1]]
         columns = dict(zip(names, np.asarray(poses, dtype=np.float64).T.copy(), strict=True))
         wrenches = self.base.predict(np.ascontiguousarray(poses))
-        columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+        columns |= dict(zip(self.base.outputs, wrenches.T.copy(), strict=True))
         return Table(columns, self.meta, "nominal")
 
     def whiteners(self, poses: F) -> F:
@@ -103,12 +104,14 @@ class NominalModel:
         Effects of time, order or approach are a matter of the plan, not of the poses.
         """
         rows = self.rows(poses)
-        blocks, scales = [np.zeros((len(poses), 6, 0))], []
+        blocks, scales = [np.zeros((len(poses), len(self.base.outputs), 0))], []
         for effect in effects:
             if effect.missing(rows.table) is not None:
                 continue
             variant = effect.variants(rows.table)[0]
-            blocks.append(variant.jacobian(rows, np.zeros(len(variant.parameters))))
+            blocks.append(
+                rows.of_own(variant.jacobian(rows.of_six, np.zeros(len(variant.parameters))))
+            )
             scales += [parameter.scale for parameter in variant.parameters]
         return np.concatenate(blocks, axis=2), np.asarray(scales)
 
@@ -168,7 +171,8 @@ def nominal_model(
     if candidates.pose_columns != POSE:
         raise InputError(
             f"{where}: the noise and the effects of a pose need the six pose columns, "
-            f"found {', '.join(candidates.pose_columns)}; give all of {', '.join(POSE)}"
+            f"found {', '.join(candidates.pose_columns)}; leave --base and --rig out, or give all "
+            f"of {', '.join(POSE)}"
         )
     noise = declared_noise(candidates) if noise is None else noise
     meta = Meta(
@@ -400,13 +404,15 @@ def regressor(
     degree = polynomial_degree(settings.model)
     if degree is None:
         blocks = model_columns(everything, settings, base)
+        if base is not None and blocks.shape[1] == len(WRENCH):
+            blocks = blocks[:, [WRENCH.index(name) for name in base.base.outputs]]
         if effects:
             blocks, prior = _with_effects(blocks, everything, _needed(base, "effects"), effects)
         if base is None:
             blocks = blocks / COMPONENT_SD[None, :, None]
         else:
             blocks = base.whiteners(everything) @ blocks
-        per_pose = 6
+        per_pose = blocks.shape[1]
     else:
         if effects:
             raise InputError(
@@ -417,7 +423,7 @@ def regressor(
         if base is not None:
             # One row for six outputs: weighted by the geometric mean of their precisions.
             _, log_det = np.linalg.slogdet(base.whiteners(everything))
-            blocks = blocks * np.exp(log_det / 6.0)[:, None, None]
+            blocks = blocks * np.exp(log_det / len(base.base.outputs))[:, None, None]
         per_pose = 1
     rows = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]))
     split = len(poses) * per_pose
@@ -425,6 +431,10 @@ def regressor(
         known = np.full(rows.shape[1], settings.ridge)
         known[: 1 if per_pose == 1 else 0] = 0.0
         prior = np.diag(known) if prior is None else prior + np.diag(known)
+    if degree is None and per_pose < len(WRENCH):
+        # Three forces tell nothing of an energy's pure turns: the design is for what they tell.
+        seen = seen_combinations(rows)
+        rows, prior = rows @ seen, None if prior is None else seen.T @ prior @ seen
     return Regressor(
         rows[:split].copy(), per_pose, None if measured is None else rows[split:].copy(), prior
     )

@@ -205,5 +205,18 @@ def fit_measured(
 
 def _unseen(design: F) -> int:
     """Number of combinations of the coefficients that change nothing that was measured."""
-    squares = np.linalg.eigvalsh(unit_products(design)[1])
-    return int(np.count_nonzero(squares < _UNSEEN * max(float(squares[-1]), 1e-300)))
+    return int(design.shape[1] - seen_combinations(design).shape[1])
+
+
+def seen_combinations(design: F) -> F:
+    """(k, s) combinations of the coefficients that change what was measured, of rows (N, k).
+
+    Examples
+    --------
+    >>> abs(seen_combinations(np.array([[3.0, 3.0], [1.0, 1.0]]))).round(3).tolist()
+    [[0.224], [0.224]]
+    """
+    scale, products = unit_products(design)
+    squares, vectors = np.linalg.eigh(products)
+    seen = squares >= _UNSEEN * max(float(squares[-1]), 1e-300)
+    return np.asarray(vectors[:, seen] / scale[:, None])

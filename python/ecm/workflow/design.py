@@ -92,9 +92,10 @@ class Identifiability:
 def _a_little_noisy(table: Table, base: NominalModel) -> Table:
     """Return the table with a hundredth of the noise, so that no row is exact."""
     covariance = base.noise.covariance(Rows(table, base.base))
-    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
-    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
-    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
+    names = base.base.outputs
+    random = np.random.default_rng(0).standard_normal((len(table), len(names), 1))
+    noisy = table.matrix(names) + 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
+    return table.with_columns(dict(zip(names, noisy.T, strict=True)))
 
 
 def identifiability(
