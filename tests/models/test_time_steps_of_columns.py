@@ -17,10 +17,13 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
+from ecm.models.expression import Expression
+from ecm.models.time_effects import time_effects
 from support.cortex_m import WARNINGS
 from support.exports import CompiledC, written
 from support.fmu import Instance
-from support.models import with_effects
+from support.models import spring_body, with_effects
+from support.neck import columns_of
 from support.one_angle import bouc_wen
 from support.programs import cargo, ended, need_linux, need_program
 
@@ -321,3 +324,29 @@ def test_growth_and_temperature_step_by_the_unit_of_each_column(tmp_path: Path) 
     np.testing.assert_allclose(h, scale * model.base.predict(own[None])[0], rtol=1e-12)
     slope = scale[:, None] * model.base.stiffness(own[None])[0] / [g, g, 1.0]
     np.testing.assert_allclose(k, slope, rtol=1e-10, atol=1e-9)
+
+
+def test_three_forces_of_an_energy_step_with_the_temperature(tmp_path: Path) -> None:
+    """The way out was a polynomial of 252 coefficients, which errs several times as much."""
+    poses = np.random.default_rng(1).uniform(-1.0, 1.0, (250, 6)) * [2e-3, *[5e-3] * 2, *[0.1] * 3]
+    poses[:, 0] += 0.1
+    columns = columns_of(poses, spring_body().predict(poses))
+    meta = {"mechanism": {"length_m": 0.1}, "instrument": {"force_sd_N": 0.05}}
+    forces = Table({name: columns[name] for name in (*POSE, *WRENCH[:3])}, meta)
+    model = with_effects(fit_model(forces, "energy4"), (TemperatureModulus(21.0), [0.01]))
+    code = Code(model, tmp_path)
+    code.init(poses[0])
+    said = [code.step(pose, 1.0, inputs=np.array([31.0, 0.0]))[0] for pose in poses]
+    np.testing.assert_allclose(said, 0.9 * model.base.predict(poses), atol=0.05)
+    relaxing = with_effects(model, (StressRelaxation(tau_s=0.7, overstress="elastic"), [0.3]))
+    assert "polynomial" in time_effects(relaxing, "c").left_out["stress_relaxation"]
+
+
+def test_equations_of_the_user_step_with_their_memory(tmp_path: Path) -> None:
+    """They are written as the polynomial that is near, and a memory steps on that."""
+    time, poses = motion(("x_m",), 300)
+    law = Expression("fx_N = k * x_m + c * x_m**3", k=1e3, c=1e6)
+    columns = {"x_m": poses[:, 0], "fx_N": 5e3 * poses[:, 0] + 2e7 * poses[:, 0] ** 3}
+    static = fit_model(Table(columns, {"instrument": {"force_sd_N": 0.01}}), law)
+    relaxes = StressRelaxation(tau_s=0.7, overstress="elastic", samples="time", loses="x_m>fx_N")
+    steps_as_predicted(with_effects(static, (relaxes, [0.3])), time, poses, tmp_path)

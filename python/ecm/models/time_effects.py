@@ -40,6 +40,7 @@ from ecm.models.measured_poses import (
     noise_sd,
     poses_like_measured,
 )
+from ecm.models.partial import MEASURED
 from ecm.regression.rows import actuators_of, is_whole
 
 _ENERGIES = ("energy", "physics")
@@ -233,7 +234,9 @@ def _without_steps(model: EvaluatedModel, id: str) -> str:
         return "" if id in _MAKERS else _OUTSIDE.get(id, "it has no exact step")
     if id not in _BY_COLUMNS:
         return _NOT_BY_COLUMNS
-    return "" if kind == "polynomial" else NEEDS_POLYNOMIAL
+    # What is written is a polynomial that is near, of whatever base (`measured_poses.folded`). A
+    # few columns of an energy have their memories in the mid frame, where no polynomial steps.
+    return NEEDS_POLYNOMIAL if kind == MEASURED and id not in _FACTORS else ""
 
 
 def _size_of(model: EvaluatedModel, id: str) -> str:
@@ -507,6 +510,8 @@ _WITH_A_MEMORY = {
 }  # fmt: skip
 _BY_COLUMNS = _MAKERS.keys() - {"permanent_set"}
 """Effects that step with fewer than all six columns as well."""
+_FACTORS = ("temperature_modulus", "ageing")
+"""Those that scale the static wrench, whatever map it is of."""
 _NOT_BY_COLUMNS = (
     "with fewer than all six columns it has no step; ecm predict has it for a whole table"
 )

@@ -326,7 +326,7 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
         known = has_measured_poses(model)
         raise InputError(
             f"{model.name}: as one map, with its effects, the model changes by "
-            f"{exported.folding:.2g} times the measurement noise at "
+            f"{exported.folding:.2g} times {_unit(model)} at "
             f"{'its measured poses' if known else 'poses drawn from its domain'}, more than "
             f"{_MOST_FOLDING:g}: the controller would not have the model that was fitted.",
             remedy=_without(_hard_to_fold(model, exported.folded), again, model, exported.folding)
@@ -336,7 +336,7 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
     if exported.change > _MOST_FOLDING:
         raise InputError(
             f"{model.name}: the form that --to {to} can hold changes the model by "
-            f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}.",
+            f"{exported.change:.2g} times {_unit(model)}, more than {_MOST_FOLDING:g}.",
             remedy=Remedy(
                 "export the whole model, which an FMU holds as it is",
                 f"ecm export MODEL --to fmu --out OUT --name {name}",
@@ -448,6 +448,11 @@ def _check_crate(path: Path) -> None:
         )
 
 
+def _unit(model: Model) -> str:
+    """What a change of the model is a multiple of, in words."""
+    return model.noise.unit if model.noise.is_residual else "the measurement noise"
+
+
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
@@ -482,7 +487,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     parts += [fixed.get(id, id) for id in acting]
     note = (
         f"Folded into {one.name}: {', '.join(parts)}; the folded map differs from "
-        f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component, "
+        f"model and effects by at most {share:.2g} of {_unit(model)} (rms, worst component, "
         f"{len(measured_poses(model))} {where})."
     )
     return replace(bare, base=one, covariance=None), [note], share
