@@ -113,7 +113,7 @@ def folded_badly(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(tmp_path: Path) -> None:
     table = ecm.Table({"y_m": [-0.01, 0.0, 0.01], "fy_N": [-30.0, 0.0, 30.0]})
     model = ecm.fit(table, "linear")
-    with pytest.raises(InputError, match=r"(?s)36 times the measurement noise.*force=True"):
+    with pytest.raises(InputError, match=r"(?s)36 times the base.s own residual.*force=True"):
         ecm.export(model, "c", tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert ecm.export(model, "c", tmp_path, force=True).folding == 36.0

@@ -180,3 +180,24 @@ def test_a_refusal_names_the_way_that_keeps_what_relaxes(tmp_path: Path) -> None
         assert way_out(found.value).command == to_c
         for to in ("c", "rust"):
             assert "stress_relaxation" not in export(model, to, tmp_path / model.name / to).left_out
+
+
+@pytest.mark.parametrize("kind", ["jump", "growing_load"])
+def test_what_follows_the_time_alone_is_exported_as_it_stood_last(
+    kind: str, tmp_path: Path
+) -> None:
+    """The way out was a fit without it, which averages before and after into one map."""
+    plain = one_angle("")
+    time = plain["time_s"]
+    course = np.where(time > 0.6 * time[-1], 0.1, 0.0) if kind == "jump" else 0.1 * time / time[-1]
+    table = plain.with_columns({"tau_z_Nm": plain["tau_z_Nm"] + course})
+    static = fit_model(table, "cubic")
+    model = static.add(kind).fit(table)
+    with pytest.raises(InputError) as found:
+        export(model, "c", tmp_path / "refused")
+    assert way_out(found.value).command.endswith(f"--at time_s={float(time[-1])!r}")
+    code = built(model.at({"time_s": float(time[-1])}), tmp_path)
+    h, k = np.zeros(1), np.zeros(1)
+    code.value_and_stiffness(np.zeros(1), h, k)
+    before = fit_model(plain, "cubic").predict(np.zeros((1, 1)))[0]
+    np.testing.assert_allclose(h, before + 0.1, atol=4e-3)

@@ -298,10 +298,19 @@ class EvaluatedModel:
 
     @property
     def followed(self) -> dict[str, str]:
-        """The column that an effect needs beside pose and wrench, by id, where it is just one."""
+        """The column that an effect needs beside pose and wrench, by id, where it is just one.
+
+        What acts from a moment on, or grows, follows the time alone: no memory is in it.
+        """
         rows = self.rows_at(np.zeros((1, len(taken_by(self.base)))))
         bare = rows.table.with_columns({"time_s": [0.0]})
-        return {
+        physics = [item for item in self.effects if item.effect.side == "physics"]
+        timed = {
+            item.id: "time_s"
+            for item in physics
+            if item.effect.grows_with_time or item.effect.acts_after_s is not None
+        }
+        return timed | {
             id: why.record
             for id, why in self.left_out(bare).items()
             if id not in self.left_out(bare.with_columns({why.record: [0.0]}))

@@ -384,17 +384,20 @@ _STEPPING = {NEEDS_ENERGY: ("an energy", "energy4"), NEEDS_POLYNOMIAL: ("a polyn
 def _at_columns(model: Model, exported: Exported, again: str) -> Remedy | None:
     """The map at one value of the columns that lost effects follow; None where that is no map.
 
-    The value is the middle of those that were measured.
+    The value is the middle of those that were measured; of the time the last, as it stands now.
     """
     followed = model.followed
     names = [followed.get(id, "") for id in exported.lost]
     if actuators_of(model.base) or not set(names) <= model.conditions.keys():
         return None
-    middles = {name: sum(model.conditions[name]) / 2.0 for name in names}
+    values = {name: f"{sum(model.conditions[name]) / 2.0:.6g}" for name in names}
+    where = "in the middle of those that were measured"
+    if "time_s" in values:  # not rounded: beyond the last reading is refused
+        values["time_s"], where = repr(model.conditions["time_s"][1]), "at the last reading"
     return Remedy(
-        f"export it at one value of {' and '.join(middles)}, as here in the middle of those that "
-        "were measured (or export all the same with --force)",
-        f"{again} --at {','.join(f'{name}={value:.6g}' for name, value in middles.items())}",
+        f"export it at one value of {' and '.join(values)}, as here {where} (or export all the "
+        "same with --force)",
+        f"{again} --at {','.join(f'{name}={value}' for name, value in values.items())}",
         force=True,
     )
 
