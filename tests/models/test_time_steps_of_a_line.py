@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from support.campaigns import campaign
 from support.cortex_m import WARNINGS
 from support.exports import CompiledC
 from support.models import with_effects
-from support.neck import ROOT, way_out
+from support.neck import ROOT, Command, way_out
 from support.one_angle import NOISE_NM, one_angle
 from support.programs import ended, need_program
 
@@ -180,6 +181,21 @@ def test_a_refusal_names_the_way_that_keeps_what_relaxes(tmp_path: Path) -> None
         assert way_out(found.value).command == to_c
         for to in ("c", "rust"):
             assert "stress_relaxation" not in export(model, to, tmp_path / model.name / to).left_out
+
+
+def test_the_way_out_of_an_export_keeps_what_was_typed(
+    ecm_command: Command, tmp_path: Path
+) -> None:
+    """It began anew from target and name: neither mass nor precision stayed."""
+    table = one_angle("kink")
+    model = fit_model(table, "cubic").add("kink").fit(table)
+    model.save(tmp_path / "own.json")
+    typed = ["export", str(tmp_path / "own.json"), "--precision", "single", "--to", "c", "--out"]
+    typed += [str(tmp_path / "files")]
+    refused = ecm_command(*typed)
+    assert refused.code == 2
+    assert shlex.join(["ecm", *typed, "--force"]) in refused.err
+    ecm_command(*typed, "--force").good()
 
 
 @pytest.mark.parametrize("kind", ["jump", "growing_load"])

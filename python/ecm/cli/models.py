@@ -195,7 +195,7 @@ def export(
     dt: float = 0.001,
     adapt: str | None = None,
     data: Sequence[Path] = (),
-    at: str | None = None,
+    at: Sequence[str] = (),
     **options: Any,
 ) -> None:
     """Write a model for a controller or simulator (docs/export.md).
@@ -233,7 +233,7 @@ def export(
         opened = open_model(model, session)
         if rows is not None:
             opened = opened.measured_at(rows)
-        opened = opened.at(_fixed_columns(at)) if at else opened
+        opened = opened.at(_fixed_columns(",".join(at))) if at else opened
         try:
             exported = export_model(
                 opened,
@@ -244,6 +244,11 @@ def export(
                 **options,
             )
         except Refusal as error:
+            if error.remedy is not None:
+                # As it was typed: mass, precision and the like are not in the words of `export`.
+                own = f"ecm export MODEL --to {to} --out OUT --name {options['name']}"
+                again = error.remedy.command.replace(own, "AGAIN")
+                error.remedy = replace(error.remedy, command=again)
             if error.remedy is not None and rows is None:
                 error.remedy = error.remedy.filled(_training_table(opened, model))
             raise
