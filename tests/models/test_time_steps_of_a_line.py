@@ -125,14 +125,14 @@ def test_a_large_effect_that_a_file_cannot_hold_is_not_left_out_in_silence(tmp_p
     table = one_angle(COLUMN)
     model = fit_model(table, "cubic").add(COLUMN).fit(table)
     with pytest.raises(InputError, match=rf"{COLUMN} is .* times the measurement noise"):
-        export(model, "c", tmp_path / "refused")
+        export(model, "rust", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
-    exported = export(model, "c", tmp_path / "forced", force=True)
+    exported = export(model, "rust", tmp_path / "forced", force=True)
     assert exported.left_out == (COLUMN,)
     assert any("A model fitted without it may be nearer" in note for note in exported.notes)
     small = one_angle("").with_columns({"slider_mm": table["slider_mm"]})
     model = fit_model(small, "cubic").add(COLUMN).fit(small)
-    assert export(model, "c", tmp_path / "small").lost == {}
+    assert export(model, "rust", tmp_path / "small").lost == {}
 
 
 def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path) -> None:
@@ -144,9 +144,9 @@ def test_a_large_share_is_not_left_out_where_the_noise_is_unknown(tmp_path: Path
     model = fit_model(plain, "linear").add(COLUMN).fit(plain)
     assert model.noise.is_residual
     with pytest.raises(InputError, match=rf"{COLUMN} is \d+ % of the measured wrench"):
-        export(model, "c", tmp_path / "refused")
+        export(model, "rust", tmp_path / "refused")
     assert not (tmp_path / "refused").exists()
-    assert export(model, "c", tmp_path / "forced", force=True).left_out == (COLUMN,)
+    assert export(model, "rust", tmp_path / "forced", force=True).left_out == (COLUMN,)
 
 
 def test_what_a_file_does_not_depend_on_is_refused_and_what_steps_is_said() -> None:

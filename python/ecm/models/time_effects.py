@@ -23,6 +23,7 @@ from ecm.effects.ageing import (
     TemperatureModulus,
     ThermalExpansion,
 )
+from ecm.effects.beyond_physics import UnusedColumn
 from ecm.effects.friction import Hysteresis
 from ecm.effects.motion import ViscousDamping
 from ecm.effects.pairs import listed_pairs, numbers, turns
@@ -30,6 +31,7 @@ from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod import generalised, rest_stiffness, wrench_of
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.models.column_steps import ColumnSteps
 from ecm.models.errors import worst_over
 from ecm.models.evaluation import EvaluatedModel
 from ecm.models.input_steps import InputSteps
@@ -124,6 +126,8 @@ class TimeEffects:
     """Size, in words, of each effect of physics that is left out and not small."""
     of_inputs: InputSteps | None = None
     """What acts in place of the recorded inputs, where the files can step through it."""
+    of_columns: ColumnSteps | None = None
+    """What recorded columns of one's own do, where the files can take them."""
 
     @property
     def inputs(self) -> dict[str, Input]:
@@ -172,7 +176,9 @@ class TimeEffects:
         }
 
 
-def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = False) -> TimeEffects:
+def time_effects(
+    model: EvaluatedModel, to: str = "rust", *, recorded: bool = False, columns: bool = False
+) -> TimeEffects:
     """Effects of time of a model for its stepper.
 
     Parameters
@@ -183,6 +189,8 @@ def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = Fa
         Language of the files: `c` and `rust` step, `none` has no state.
     recorded
         Whether the files take the recorded inputs of actuators, and step to those that act.
+    columns
+        Whether they take recorded columns of one's own.
 
     Examples
     --------
@@ -195,6 +203,7 @@ def time_effects(model: EvaluatedModel, to: str = "rust", *, recorded: bool = Fa
     """
     found = TimeEffects({"length_m": model.known_length_m or 1.0})
     found.of_inputs = InputSteps(model.base) if recorded else None
+    found.of_columns = ColumnSteps(model.base) if columns else None
     for item in model.effects:
         if item.effect.side == "physics" and item.effect.kind == "pose":
             continue
@@ -213,6 +222,8 @@ def _placed(found: TimeEffects, model: EvaluatedModel, item: FittedEffect, to: s
     """Add an effect to the steps, or say why it has none."""
     if item.effect.side == "measurement":
         return _OF_THE_RIG.get(item.id, "an error of the instruments: the robot does not have it")
+    if isinstance(item.effect, UnusedColumn) and found.of_columns:
+        return found.of_columns.add(item.effect, item.values)
     if item.id in OF_INPUTS and found.of_inputs:
         return found.of_inputs.add(item.effect, item.values)
     if item.id in OF_INPUTS or actuators_of(model.base):

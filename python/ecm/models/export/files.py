@@ -159,7 +159,7 @@ def simulink(source: Source) -> Exported:
 
 _LOOP = tuple(one.name for one in fields(LoopSettings))
 TARGETS: dict[str, Target] = {
-    "c": Target(c, precisions=("double", "single"), recorded=True, robot=_LOOP),
+    "c": Target(c, precisions=("double", "single"), recorded=True, columns=True, robot=_LOOP),
     "rust": Target(
         rust, language="rust", precisions=("double", "single"), recorded=True, robot=_LOOP
     ),
@@ -294,7 +294,12 @@ def export_files(
             "wrench columns and no actuators; leave it out here"
         )
     _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
-    timed = time_effects(model, chosen.language, recorded=chosen.recorded)
+    timed = time_effects(model, chosen.language, recorded=chosen.recorded, columns=chosen.columns)
+    if timed.of_columns and timed.of_columns.effects:
+        notes.append(
+            f"{timed.of_columns.sentence(model.conditions)}: {name}_columns.h; a control loop "
+            "takes none. --at COLUMN=VALUE takes one at a fixed value instead."
+        )
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
         given,
@@ -354,7 +359,7 @@ def _refuse_what_changed(model: Model, exported: Exported, to: str, name: str) -
 
 def _that_steps(model: Model, exported: Exported, to: str, name: str) -> Remedy | None:
     """C where the target has no steps, or a base that steps; None where neither keeps them."""
-    steps = time_effects(model, "c", recorded=True)
+    steps = time_effects(model, "c", recorded=True, columns=True)
     if not steps.lost and OF_INPUTS.keys() >= exported.lost.keys():
         return Remedy(
             "export it to c, which steps (or export all the same with --force)",

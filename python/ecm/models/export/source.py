@@ -127,7 +127,18 @@ class Source:
             effects=steps,
             adapt=follows,
         )
-        return files | self._steps_of_inputs(files, language == "c")
+        return files | self._steps_of_inputs(files, language == "c") | self._of_columns()
+
+    def _of_columns(self) -> dict[str, str]:
+        """What recorded columns of one's own add to the wrench, in C."""
+        of_columns = self.timed.of_columns
+        if not (of_columns and of_columns.effects):
+            return {}
+        values = of_columns.constants() | {"GUARD": self.name.upper()}
+        return {
+            f"{self.name}_columns.{end}": self.template(f"columns/columns.{end}.txt", values)
+            for end in ("h", "c")
+        }
 
     def _steps_of_inputs(self, files: dict[str, str], c: bool) -> dict[str, str]:
         """What takes the recorded inputs of actuators beside the code that takes those that act."""
@@ -160,7 +171,8 @@ class Source:
             )
         if taken[: len(POSE)] != POSE or self.inside.outputs != WRENCH:
             remedy = Remedy("export it to c", to_c)
-            if lost := time_effects(self.model, "c", recorded=True).lost:  # what c refuses as well
+            # What c refuses as well.
+            if lost := time_effects(self.model, "c", recorded=True, columns=True).lost:
                 remedy = without(list(lost), ", and export it to c")
             raise InputError(
                 f"--to {target} needs a model from the six columns of the pose to the six of the "
@@ -247,5 +259,7 @@ class Target:
     """Names of files and functions that the target has itself."""
     recorded: bool = False
     """Whether its files step from the recorded inputs of actuators to those that act."""
+    columns: bool = False
+    """Whether its files take recorded columns of one's own."""
     robot: tuple[str, ...] = ()
     """Settings of the robot (`LoopSettings`) that its files depend on."""
