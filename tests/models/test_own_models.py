@@ -48,6 +48,10 @@ def test_an_expression_and_a_function_fit_as_curve_fit_does(tmp_path: Path) -> N
     np.testing.assert_allclose(model.covariance, covariance, rtol=1e-3)
     by_function = ecm.fit(table, spring, parameters=START)
     np.testing.assert_allclose(by_function.base.coefficients, values, rtol=1e-5)
+    # The words of a wrong name say that a TOML is taken, which the command alone did.
+    law = tmp_path / "law.toml"
+    law.write_text(f'[expression]\nequations = "{SPRING}"\nparameters = {{ k = 1e3, c = 0.0 }}\n')
+    assert ecm.fit(table, str(law)).base.values == pytest.approx(model.base.values, rel=1e-6)
     assert "k = 2002.55 +- 3.3" in model.fit_report()
     loaded = reread(model, tmp_path)
     np.testing.assert_array_equal(loaded.predict(table), model.predict(table))

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -20,7 +21,7 @@ from ecm.errors import EcmError, InputError, shown
 from ecm.io.arrays import LARGEST, F, central_differences
 from ecm.io.columns import POSE, WRENCH, is_standard
 from ecm.io.events import Progress
-from ecm.io.settings import check_keys, did_you_mean
+from ecm.io.settings import check_keys, did_you_mean, read_toml
 from ecm.io.table import Table
 from ecm.models.maps import (
     FittedMap,
@@ -474,8 +475,12 @@ class Expression(ModelSpecification):
         object.__setattr__(self, "parameters", given)
 
     @classmethod
-    def from_name(cls, name: str) -> None:
-        """None: equations have no short name."""
+    def from_name(cls, name: str) -> Expression | None:
+        """Those of a TOML by its path; equations have no short name."""
+        if not name.lower().endswith(".toml"):
+            return None
+        document = read_toml(Path(name), "description of a model")
+        return cls.from_dict(document.get("expression"), f"{name} [expression]")
 
     @staticmethod
     def from_dict(table: Any, where: str) -> Expression:
