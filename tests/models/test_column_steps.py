@@ -20,7 +20,7 @@ from support.exports import CompiledC, written
 from support.models import spring_body, with_effects
 from support.neck import columns_of, way_out
 
-HUMID, FAN = "humidity_pct", "fan_rpm"
+HUMID, FAN = "humidity_pct", "fan */ rpm"
 META = {"mechanism": {"length_m": 0.1}, "instrument": {"force_sd_N": 0.05, "torque_sd_Nm": 2e-3}}
 
 

@@ -73,7 +73,7 @@ class ColumnSteps:
                 parts[key].append(f"{{{', '.join(f'R({value!r})' for value in used)}}}")
         n, m = len(taken), len(outputs)
         return {key: ", ".join(values) for key, values in {**rows, **parts}.items()} | {
-            "COLUMNS": ", ".join(names),
+            "COLUMNS": ", ".join(names).replace("*/", "* /"),  # which would end the comment
             "TAKEN": ", ".join(taken),
             "C": str(len(names)),
             "E": str(len(self.effects)),
