@@ -32,8 +32,8 @@ from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import EnergyMap, StiffnessMap
 from ecm.models.refit import refit, remedy_with_base
 from ecm.regression.noise import Noise
-from ecm.regression.rows import naming_outliers
-from support.campaigns import INSTRUMENT, campaign, with_change, workspace_poses
+from ecm.regression.rows import Rows, naming_outliers
+from support.campaigns import INSTRUMENT, campaign, physics, with_change, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
@@ -251,6 +251,22 @@ def test_a_sensor_that_was_zeroed_anew_between_two_runs_is_named_with_its_run() 
     assert found.effects[0].values == pytest.approx(zero, abs=0.25)
     assert "from one run on" in found.summary().missing
     assert found.held_out.after < 0.5 * found.held_out.before
+
+
+def test_a_wrong_zero_that_was_mended_before_the_second_run_is_no_drift() -> None:
+    """A wrong zero in all rows and a drift back to nothing were named; neither foretells a row."""
+    late, zero = np.arange(120) >= 80, [1.5, -1.0, 0.8, 0.03, -0.04, 0.05]
+    table = with_change(measured(6), ~late[:, None] * np.array(zero))
+    table = table.with_columns({"run": late.astype(float)})
+    found = diagnose(fit_model(table, "energy4", force=True), table)
+    assert found.answer == (("fts_offset",),)
+    assert found.effects[0].effect.shape["acts"] == "before"
+    assert found.effects[0].values == pytest.approx(zero, abs=0.4)
+    assert "up to one run" in found.summary().missing
+    # A table without runs is one of afterwards.
+    fresh = measured(7)
+    wrong = found.effects[0].effect.correction(Rows(fresh, physics()), found.effects[0].values)
+    assert not wrong.any()
 
 
 @pytest.mark.parametrize(("by_itself", "symmetry"), [(2.4, "general"), (5.0, "alike")])

@@ -105,8 +105,9 @@ def _needs_two_zeros(table: Table) -> Missing | None:
 class FtsOffset(FromAMoment, CourseEffect):
     """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted.
 
-    Or from a run or a moment on, as after a new zero or a knock. Of single wrench columns it is
-    told from the model by unloaded readings, or begins with a run.
+    Or from a run or a moment on, as after a new zero or a knock, or before a run that begins with a
+    right zero. Of single wrench columns it is told from the model by unloaded readings, or begins
+    with a run.
 
     Parameters: *_offset: what this axis reads without a load.
     """
@@ -125,7 +126,7 @@ class FtsOffset(FromAMoment, CourseEffect):
     rivals = {"payload": "zero_at_two_orientations", "tip_frame_misalignment": "unloaded_zero"}
 
     acts: str = optional("always")
-    """`always`, or `mounted`: not on the free sensor."""
+    """`always`, `mounted`: not on the free sensor, or `before`: until the run `first_run`."""
     first_run: float | None = optional(None)
     """Run from which the zero is another one; negative, of single columns: all rows."""
     since_s: float | None = optional(None)
@@ -143,6 +144,8 @@ class FtsOffset(FromAMoment, CourseEffect):
             self.requires = (_needs_two_zeros,)
         elif self.since_s is not None:
             self.physics = "The sensor has another zero from one moment on, as after a knock."
+        elif self.acts == "before":
+            self.physics = "The sensor was zeroed wrongly up to one run: a constant in its axes."
         elif self.first_run is not None:
             self.physics = "The sensor has another zero from one run on: a constant in its axes."
 
@@ -161,7 +164,7 @@ class FtsOffset(FromAMoment, CourseEffect):
         return (
             FtsOffset(),
             *[FtsOffset("mounted")] * free,
-            *(FtsOffset(first_run=begin) for begin in runs),
+            *(FtsOffset(acts=acts, first_run=run) for run in runs for acts in ("always", "before")),
             *(FtsOffset(since_s=moment) for moment in moments),
         )
 
@@ -170,7 +173,10 @@ class FtsOffset(FromAMoment, CourseEffect):
         if self.since_s is not None:
             return rows.after(self.since_s)
         if self.first_run is not None and self.first_run >= 0.0:
-            return (rows.table.column("run") >= self.first_run).astype(np.float64)
+            # A table without runs is a new one: its zero is the last that was taken.
+            run = rows.table.column("run") if rows.table.has("run") else np.inf
+            later = np.broadcast_to(run >= self.first_run, len(rows))
+            return np.where(later == (self.acts != "before"), 1.0, 0.0)
         return np.where(rows.unloaded & (self.acts == "mounted"), 0.0, 1.0)
 
 
