@@ -35,6 +35,23 @@ def halves(id: str, meta: Meta, **more: Any) -> tuple[Any, Any]:
     return found[:HALF], found[HALF:]
 
 
+def test_what_is_said_of_run_0_holds_in_a_table_without_runs() -> None:
+    """A cable that was said to be off was named: nothing read what was said of the only run."""
+    off = {0: {"cable_attached": False}}
+    columns = {name: one for name, one in rows_of(Meta()).table.columns.items() if name != "run"}
+    single = Rows(Table(columns, Meta(runs=off), "one run"), physics())
+    assert (single.of_run("cable_attached", 1.0) == 0.0).all()
+
+
+def test_what_is_said_of_a_run_that_no_row_has_is_not_lost_without_a_word(tmp_path: Path) -> None:
+    """A second table counts its own runs: [run.1] beside it was taken for the joined one's."""
+    path = tmp_path / "second.csv"
+    path.write_text("time_s,theta_z_rad,tau_z_Nm\n0,0.0,0.0\n1,0.1,0.2\n2,0.2,0.4\n")
+    path.with_suffix(".toml").write_text("[run.1]\npayload_mass_kg = 0.0\n")
+    said = [one for one in read_table(path).warnings if "[run.1]" in one]
+    assert said == [f"{path}: no row is of [run.1]; the runs of this table are [run.0]"]
+
+
 @pytest.mark.parametrize("id", ["payload", "own_weight"])
 def test_a_rig_turned_over_turns_the_weight_over(id: str) -> None:
     """Catches the gravity of the first campaign taken for all that are joined to it."""

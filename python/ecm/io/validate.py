@@ -65,7 +65,7 @@ def validated_columns(
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
         _check_rotations(columns, errors)
     _check_positions(columns, meta.length_m, errors)
-    warnings += _check_time(columns, errors)
+    warnings += _check_time(columns, errors) + _without_rows(columns, meta, source)
     repeated = repeated_rows(columns, _good(columns, errors))
     if "time_s" in columns:
         for row, first in repeated:
@@ -259,6 +259,14 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
         found = f"{time[i + 1]:g} after {before[i]:g}"
         errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
     return warnings
+
+
+def _without_rows(columns: Columns, meta: Meta, source: str) -> list[str]:
+    """Say which [run.N] no row has: what they state would be lost without a word."""
+    own = np.unique(columns.get("run", np.zeros(1))).tolist()
+    lost = ", ".join(f"[run.{number}]" for number in meta.runs if number not in own)
+    known = ", ".join(f"[run.{number:g}]" for number in own)
+    return [f"{source}: no row is of {lost}; the runs of this table are {known}"] if lost else []
 
 
 _UNSORTED = 0.1

@@ -784,7 +784,9 @@ class Rows:
     def of_run(self, key: str, default: float | Sequence[float]) -> F:
         """(N, ...) a key of [run.N] for the run of each row; else the default."""
         found = np.full((len(self), *np.shape(default)), default, dtype=np.float64)
+        # A table without the column is of one run, as it is where it is joined to others.
+        run = self.table.column("run") if self.table.has("run") else np.zeros(len(self))
         for number, values in self.table.meta.runs.items():
-            if key in values and self.table.has("run"):
-                found[self.table.column("run") == number] = values[key]
+            if key in values:
+                found[run == number] = values[key]
         return found
