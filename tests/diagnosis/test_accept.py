@@ -23,15 +23,23 @@ from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.arrays import F, I
-from ecm.io.description import FileMeta
+from ecm.io.description import FileMeta, Meta, Scene
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.fit import choose_base
 from ecm.regression.folds import folds, held_out_by, row_groups
 from ecm.regression.noise import declared_noise, whiteners
 from support.acceptance import acceptance_check
-from support.campaigns import campaign, model, physics, with_change
+from support.campaigns import (
+    INSTRUMENT,
+    campaign,
+    model,
+    physics,
+    with_change,
+    workspace_poses,
+)
 from support.neck import columns_of
+from support.stand_in import L, wrench
 
 PASSES = AcceptanceCheck(
     id="payload",
@@ -307,3 +315,25 @@ def test_gains_of_two_axes_are_not_told_from_a_stiffer_plane() -> None:
         found.append(find_missing(fit_model(table, "energy4"), table).answer)
     assert [("anisotropy" in answer[0], len(answer)) for answer in found] == [(True, 1)] * 6
     assert sum("fts_gain" in answer[0] for answer in found) >= 5
+
+
+@pytest.mark.parametrize(("kg", "members"), [(1.0, ("payload", "cable_drag")), (3.0, ("payload",))])
+def test_a_rival_that_leaves_far_more_than_the_name_is_no_other_form_of_it(
+    kg: float, members: tuple[str, ...]
+) -> None:
+    """However much hung there, a cable was not told from it: it leaves a fixed share of the whole.
+
+    A form may leave that share; but with the payload nothing is left at all.
+    """
+    poses, noise = workspace_poses(60, 5), np.random.default_rng([5, 1]).standard_normal((60, 6))
+    read = wrench(poses) + noise * np.repeat([0.3, 0.01], 3)
+    lying = Meta(
+        mechanism={"length_m": L}, instrument=INSTRUMENT, scene=Scene(gravity_m_s2=(0, -9.81, 0))
+    )
+    table = as_table(columns_of(poses, read), meta=lying)
+    weight = get_effect("payload").correction(
+        Rows(table, physics()), kg * np.array([1.0, 0.02, 0.01, 0.0])
+    )
+    table = with_change(table, weight)
+    found = find_missing(fit_model(table, "energy6", force=True), table)
+    assert found.answer == (members,)

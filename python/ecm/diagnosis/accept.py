@@ -29,6 +29,7 @@ from ecm.diagnosis.search import (
     delta_chi2_of_each,
     estimate,
     held_out_t,
+    left_beyond_noise,
     of_others,
     own_sign,
     rank,
@@ -69,6 +70,8 @@ _SOME_BOOTSTRAPS = 0.02
 """Some bootstraps: more than this share of them."""
 RIVAL_BOOTSTRAPS = 0.1
 """A rival that wins more than this share of them is a member."""
+_CHANCE_DEVIATIONS = 1.645
+"""Standard deviations by which chance may hide what is left: 1 in 20."""
 _CONTENDER_SHARE = 0.3
 """A shape that explains less than this share of the chosen one wins no bootstrap."""
 _RIDGED = 1.0 + RIDGE
@@ -161,8 +164,22 @@ class _Chosen:
             return False  # its own sign explains nothing: it is this effect
         # Parameters that no row shows make a cause no less likely: a sensor has six gains.
         more = (self._unseen(other) - self._own_unseen) * float(np.log(self.problem.size))
-        near = loss < max(FORM_SHARE * self.bic, least + more)
+        near = loss < max(self._form_may_lose, least + more)
         return near and self.share_beside(other) < SEPARABLE
+
+    @cached_property
+    def _form_may_lose(self) -> float:
+        """What a rival may lose by its form and be the truth.
+
+        What the form of the truth misses follows no other effect closely: one that took the truth's
+        place would leave a part of it too. Where next to nothing is left, nothing was missed.
+        """
+        most = FORM_SHARE * self.bic
+        if self.problem.noise.is_assumed:
+            return most
+        chance = _CHANCE_DEVIATIONS * float(np.sqrt(2.0 * self.problem.size))
+        left = max(0.0, left_beyond_noise(self.problem, self.chosen)) + chance
+        return min(most, left / SEPARABLE)
 
     def _unseen(self, candidate: Candidate) -> float:
         """Return how many parameters of ordinary size the rows do not show beside the others."""

@@ -224,9 +224,7 @@ def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     own = {effect.id for effect in problem.holds}
     if any(item.id in rivals or own.intersection(item.effect.rivals) for item in chosen):
         return False
-    parameters = sum(item.parameters for item in chosen)
-    before = beyond_noise(problem)
-    after = before - delta_chi2(problem, chosen) + parameters
+    after, before = left_beyond_noise(problem, chosen), beyond_noise(problem)
     return not problem.noise.is_assumed and after < SEPARABLE * before
 
 
@@ -237,6 +235,12 @@ def beyond_noise(problem: Problem) -> float:
     """
     noise = min(problem.scale, 1.0) * (problem.size - problem.base_block.shape[2])
     return float((problem.squares_beside_base - noise) / problem.scale)
+
+
+def left_beyond_noise(problem: Problem, chosen: Sequence[Candidate]) -> float:
+    """Return the squares that base and chosen effects leave beyond those of the noise."""
+    parameters = sum(item.parameters for item in chosen)
+    return beyond_noise(problem) - delta_chi2(problem, chosen) + parameters
 
 
 def explained_share(
