@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows, get_effect
 from ecm.effects.load import needs_gravity
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.description import Instrument, Meta, Scene, read_meta
-from ecm.io.table import Table, read_table
-from support.campaigns import physics, workspace_poses
+from ecm.io.table import Table, as_table, read_table
+from ecm.models import fit_model
+from support.campaigns import INSTRUMENT, physics, with_effect, workspace_poses
+from support.neck import columns_of
+from support.stand_in import L, wrench
 
 HALF = 6
 
@@ -153,3 +157,28 @@ def test_a_campaign_of_another_gravity_keeps_it_when_joined(tmp_path: Path) -> N
         Table(columns, Meta(scene=Scene(gravity)), name).write(tmp_path / f"{name}.csv")
     rows = Rows(read_table([tmp_path / "up.csv", tmp_path / "down.csv"]), physics())
     assert rows.gravity_m_s2[:, 0].tolist() == [-9.81] * HALF + [9.81] * HALF
+
+
+def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_asked_for() -> None:
+    """A wrong zero stood for a payload; held as it was it hid it, also after it was taken off."""
+    poses, noise = workspace_poses(90, 5), np.random.default_rng([5, 1]).standard_normal((90, 6))
+    read, late = wrench(poses) + noise * np.repeat([0.3, 0.01], 3), np.arange(90) >= 60
+    columns: dict[str, Any] = columns_of(poses, read) | {"run": late.astype(float)}
+    lying = Meta(
+        mechanism={"length_m": L},
+        instrument=INSTRUMENT,
+        scene=Scene(gravity_m_s2=(0.0, -9.81, 0.0)),
+        runs={1: {"payload_mass_kg": 0.0}},
+    )
+    table = as_table(columns, meta=lying)
+    table = with_effect(table, "payload", [0.5, 0.01, 0.0, 0.0])
+    before = table.select(np.flatnonzero(~late))
+    given = fit_model(before, "energy4", force=True).add("fts_offset").fit(before)
+    found = diagnose(given, table)
+    assert {id for members in found.answer for id in members} >= {"payload", "fts_offset"}
+    assert "a change of what the model holds of it" in found.summary().missing
+    assert found.addition is not None
+    assert found.addition.remedy is not None
+    assert "--remove fts_offset --add payload" in found.addition.remedy.command
+    mass = next(item for item in found.effects if item.id == "payload").values[0]
+    assert mass == pytest.approx(0.5, abs=0.02)

@@ -562,6 +562,22 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
     return fit if missed < (1.0 - KEPT_WITHIN_BOUNDS) * (alone - promised) else None
 
 
+def _held_first(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the effects with a change of one of the model's own in place of what looks like it.
+
+    One cause is likelier than two.
+    """
+    own = {effect.id for effect in problem.holds}
+    held = {one.id: one for one in problem.candidates if one.id in own}
+    found = tuple(chosen)
+    for item in found if held else ():
+        present = {one.id for one in found}
+        alike = confusion_class(problem, found, item) if item.id not in held else []
+        changes = [held[id] for id in alike if id in held and id not in present]
+        found = (*without(found, item), *changes[:1]) if changes else found
+    return found
+
+
 def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
@@ -575,7 +591,7 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
     seed
         Seed of the bootstraps.
     """
-    chosen = tuple(chosen)
+    chosen = _held_first(problem, chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
     while chosen:
         found: dict[str, tuple[AcceptanceCheck, tuple[str, ...]]] = {}

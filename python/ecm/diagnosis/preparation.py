@@ -7,18 +7,64 @@ from dataclasses import dataclass, replace
 
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
-from ecm.effects.protocol import correction_of
+from ecm.effects.protocol import LinearEffect, Shape, correction_of
 from ecm.errors import InputError
-from ecm.io.arrays import I
+from ecm.io.arrays import F, I
 from ecm.io.conventions import WrongConvention
 from ecm.io.sanity import suspect_rows, zero_columns
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap, misread
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.model import Model
-from ecm.regression.folds import distinct_rows, rows_without_zero_readings, spread_rows, zero_times
+from ecm.models.registry import was_trained_on
+from ecm.regression.folds import (
+    distinct_rows,
+    rows_without_zero_readings,
+    spread_rows,
+    without_zero_readings,
+    zero_times,
+)
 
 _LEAST_ROWS = 8
+
+
+@dataclass(eq=False)
+class OtherValues(LinearEffect):
+    """The change of an effect of the model, in its own form, where its values are others.
+
+    What was missing beside it is a part of its values: with rows that tell both, as of the
+    experiment that was asked for, that part is taken back. Held as they were, it would be named.
+    """
+
+    of: FittedEffect
+
+    def __post_init__(self) -> None:
+        own, values = self.of.effect, self.of.values.tolist()
+        self.id, self.physics, self.side, self.kind = own.id, own.physics, own.side, own.kind
+        self.rivals, self.of_six, self.requires = own.rivals, own.of_six, own.requires
+        self.most_absorbed = own.most_absorbed
+        self.parameters = tuple(
+            replace(one, lower=one.lower - value, upper=one.upper - value)
+            for one, value in zip(own.parameters, values, strict=True)
+        )
+
+    @property
+    def shape(self) -> Shape:
+        """That of the effect."""
+        return self.of.effect.shape
+
+    def missing(self, table: Table) -> Missing | None:
+        """What the effect needs; in another form it is no change of this one."""
+        lacking = self.of.effect.missing(table)
+        return None if lacking is None else Missing(lacking.reason, lacking.record)
+
+    def way(self, rows: Rows, values: F) -> str:
+        """That it is no effect beside the one that the model has."""
+        return "a change of what the model holds of it"
+
+    def columns(self, rows: Rows) -> F:
+        """Change of the wrench at the values that the model has."""
+        return self.of.effect.jacobian(rows, self.of.values)
 
 
 @dataclass(frozen=True)
@@ -75,6 +121,9 @@ def prepare(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least "
             f"{_LEAST_ROWS}. Measure more poses, or give several tables"
         )
+    # The rows of its fit say nothing new of its effects: what changes there is the base.
+    same = was_trained_on(model.training, without_zero_readings(table))
+    own = {item.id: OtherValues(item) for item in (() if same else model.effects)}
     table = table.with_length(model.base.length_m or model.length_m)
     rows = rows_without_zero_readings(table)
     distinct = distinct_rows(table.select(rows))
@@ -91,12 +140,13 @@ def prepare(
     given = effects_of(unexplained, chosen_effects or None)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
+    offered = (own.get(effect.id, effect) for effect in given)
     return Prepared(
         table=table,
         unexplained=unexplained,
         rows=rows,
         copies=copies,
-        effects=tuple(effect for effect in given if effect.id not in of_model),
+        effects=tuple(one for one in offered if one.id in own or one.id not in of_model),
         of_model={effect.id: why for effect in given if effect.id in of_model},
         held=tuple(item.effect for item in model.effects),
         zero_columns=zeros,

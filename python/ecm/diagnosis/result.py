@@ -370,12 +370,13 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
 
 def _next_experiments(decision: Decision) -> tuple[Proposal, ...]:
     """Return what tells the members of classes apart, or what is left from the model's effects."""
-    problem, accepted = decision.problem, decision.accepted
-    best = decision.ranking[0] if decision.ranking and decision.verdict == "none" else None
+    problem, accepted, held = decision.problem, decision.accepted, decision.prepared.of_model
+    others = (one for one in decision.ranking if one.id not in held)
+    best = next(others, None) if decision.verdict == "none" else None
     seen = best is not None and best.delta_bic > problem.settings.least_bic
     if best is None or not seen or all_needed(problem, [best.candidate]):
         return next_experiments(problem, accepted.effects, accepted.classes)
-    return (apart_from_held(best.id, [*decision.prepared.of_model], problem.table),)
+    return (apart_from_held(best.id, [*held], problem.table),)
 
 
 def _ways(final: JointFit) -> dict[str, str] | None:

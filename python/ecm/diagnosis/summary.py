@@ -164,7 +164,8 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         ways = document.get("directions") or {}
         sizes = {item["id"]: _sized(item, ways.get(item["id"])) for item in document["effects"]}
         causes = [
-            f"{' or '.join(members)} (these data cannot tell them apart)"
+            f"{' or '.join(f'{id} ({ways[id]})' if id in ways else id for id in members)} "
+            "(these data cannot tell them apart)"
             if len(members) > 1
             else ", ".join([sizes.get(members[0], members[0]), *_or_else(document, members[0])])
             for members in document["answer"]

@@ -92,7 +92,9 @@ class Decision:
     @property
     def not_testable(self) -> dict[str, Missing]:
         """Why an effect was not tested, and what to record, by id."""
-        return self.problem.untestable | self.prepared.of_model
+        tested = self.problem.ids
+        held = {id: why for id, why in self.prepared.of_model.items() if id not in tested}
+        return self.problem.untestable | held
 
     @cached_property
     def without_effects(self) -> Posterior:

@@ -7,6 +7,7 @@ An error counts as worse where it exceeds the other by a tenth and by more than 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -20,7 +21,7 @@ from ecm.io.arrays import B, F, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import errors_and_noise, held_out
+from ecm.models.errors import FitRecord, errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
@@ -607,28 +608,37 @@ def addition_to(
         The base that they were named against: the way where this model cannot take them, or errs
         far beyond the noise on held-out rows and twice as much as that base.
     """
-    present = [item.effect for item in model.effects]
-    new = [effect for effect in effects if effect.id not in [own.id for own in present]]
+    present = {item.id: item.effect for item in model.effects}
+    new = [effect for effect in effects if effect.id not in present]
     if not new:
         return None
-    ids = tuple(effect.id for effect in new)
+    ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in present]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     try:
         found = _changed(model, table, new, (), (), with_ceiling=False)
+        # Those whose values change may have stood for what is new: then they are no longer needed.
+        fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
+        if not _is_better(found.history[-1], fewer.history[-1]):
+            found, present = fewer, {id: e for id, e in present.items() if id not in anew}
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
         if against and against != model.base.name:
-            way = remedy_with_base(against, [*present, *new], table)
+            way = remedy_with_base(against, [*present.values(), *new], table)
         return Addition(ids, None, None, said, way or remedy_of(error))
     before, after = (record.held_out for record in found.history[-2:])
     known = not found.noise.is_residual
-    options = " ".join(f"--add {id}" for id in ids)
-    command = Remedy(f"add {' and '.join(ids)}", f"ecm refit MODEL DATA {options} --out OUT")
+    removed = [item.id for item in model.effects if item.id not in present]
+    words = [f"remove {' and '.join(removed)}"] if removed else []
+    options = " ".join([*(f"--remove {id}" for id in removed), *(f"--add {id}" for id in ids)])
+    command = Remedy(
+        ", ".join([*words, f"add {' and '.join(ids)}"]), f"ecm refit MODEL DATA {options} --out OUT"
+    )
     # Of a degree too many what it leaves is small, and what it errs where no row was is not.
     far = not richer and against != model.base.name and after > FAR_BEYOND_NOISE
     other, most = (against, after / _TIMES) if far else (richer, after)
-    better = remedy_with_base(other, [*present, *new], table, most) if other else None
+    every = [*present.values(), *new]
+    better = remedy_with_base(other, every, table, most) if other else None
     return Addition(
         ids,
         before if known else None,
@@ -637,6 +647,12 @@ def addition_to(
         remedy=better or command,
         base=other if better else None,
     )
+
+
+def _is_better(more: FitRecord, fewer: FitRecord) -> bool:
+    """Whether more parameters lower both the BIC of the same rows and the held-out error."""
+    worth = (more.parameters - fewer.parameters) * math.log(max(more.size, 1))
+    return more.chi2 + worth < fewer.chi2 and more.held_out < fewer.held_out
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
