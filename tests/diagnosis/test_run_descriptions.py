@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.diagnosis import diagnose
+from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, get_effect
 from ecm.effects.load import needs_gravity
 from ecm.errors import InputError
@@ -16,7 +16,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Instrument, Meta, Scene, read_meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import fit_model
-from support.campaigns import INSTRUMENT, physics, with_effect, workspace_poses
+from support.campaigns import INSTRUMENT, physics, with_change, with_effect, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
@@ -182,3 +182,27 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     assert "--remove fts_offset --add payload" in found.addition.remedy.command
     mass = next(item for item in found.effects if item.id == "payload").values[0]
     assert mass == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(("friction", "answer"), [(1.0, (("hysteresis",),)), (0.0, ())])
+def test_friction_that_shows_between_visits_is_no_other_form_of_a_large_payload(
+    friction: float, answer: tuple[tuple[str, ...], ...]
+) -> None:
+    """It explained less than a thirtieth of what the payload does, and no row could name it."""
+    places = np.random.default_rng(3).permutation(np.repeat(np.arange(50), 2))
+    poses, noise = workspace_poses(50, 5)[places], np.random.default_rng([5, 1])
+    read = wrench(poses) + noise.standard_normal((100, 6)) * np.repeat([0.3, 0.01], 3)
+    columns: dict[str, Any] = columns_of(poses, read) | {
+        "pose_id": places.astype(float),
+        "time_s": 20.0 * np.arange(100),
+    }
+    lying = Scene(gravity_m_s2=(0.0, -9.81, 0.0))
+    stated = Meta(mechanism={"length_m": L}, instrument=INSTRUMENT, scene=lying)
+    table = with_effect(as_table(columns, meta=stated), "payload", [1.0, 0.02, 0.0, 0.0])
+    # It swings a little with the pose, which no form of a payload does.
+    swing = np.sin(9.0 * poses[:, 5]) * np.cos(300.0 * poses[:, 1])
+    table = with_change(table, np.outer(1.2 * swing, np.eye(6)[1]))
+    sizes = [one.scale for one in get_effect("hysteresis").parameters]
+    table = with_effect(table, "hysteresis", friction * np.array(sizes))
+    given = fit_model(table, "energy4", force=True).add("payload").fit(table)
+    assert find_missing(given, table).answer == answer

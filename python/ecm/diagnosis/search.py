@@ -22,10 +22,10 @@ from ecm.diagnosis.problem import (
 )
 from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
-from ecm.io.arrays import B, F, I
+from ecm.io.arrays import B, F, I, rest_of
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
-from ecm.regression.f_test import explained_by_span
-from ecm.regression.folds import folds, held_out_by
+from ecm.regression.f_test import explained_by_span, within_cells
+from ecm.regression.folds import folds, held_out_by, repeat_cells
 from ecm.regression.normal_equations import explained_by_blocks, solve
 
 ONE_CAUSE_SHARE = 0.03
@@ -206,13 +206,30 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
         return True
     if all(follows_alone(item.effect, problem.holds) for item in chosen):
         return total >= FORM_SHARE * problem.squares_beside_base / problem.scale
-    return takes_all(problem, chosen)
+    return takes_all(problem, chosen) or seen_in_repeats(problem, chosen)
 
 
 def follows_alone(effect: Effect, others: Sequence[Effect]) -> bool:
     """Whether an effect follows a recorded column that none of the others follows."""
     column = getattr(effect, "column", None)
     return bool(column) and column not in [getattr(one, "column", "") for one in others]
+
+
+def seen_in_repeats(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+    """Whether effects of time show between visits to one pose beside a model's of the pose alone.
+
+    What the forms of these leave is the same at each visit.
+    """
+    kinds = {item.effect.kind for item in chosen}, {effect.kind for effect in problem.holds}
+    if kinds != ({"time"}, {"pose"}) or problem.noise.is_assumed:
+        return False
+    cells = repeat_cells(problem.table)
+    at = [column for item in chosen for column in item.columns]
+    every = np.concatenate([problem.design[:, :, at], problem.response[:, :, None]], axis=2)
+    apart = problem.flat(within_cells(every.reshape(len(cells), -1), cells)[0].reshape(every.shape))
+    gain = apart[:, -1] @ apart[:, -1] - (rest_of(apart[:, :-1], apart[:, -1]) ** 2).sum()
+    chance = float(special.chdtrc(len(at), gain / problem.scale)) * len(problem.candidates)
+    return chance < problem.settings.level
 
 
 def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:

@@ -41,6 +41,7 @@ from ecm.diagnosis.search import (
     beyond_noise,
     delta_chi2,
     explained_share,
+    seen_in_repeats,
     without,
 )
 from ecm.diagnosis.statements import (
@@ -263,6 +264,7 @@ def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
     """Return each effect's share in what all explain and forms of the model's effects leave."""
     total = delta_chi2(problem, effects)
     forms = min(_OF_MODEL * problem.held, max(beyond_noise(problem), total))
+    forms *= not seen_in_repeats(problem, effects)
     own = total / max(total + forms, 1e-300)
     beside = [(item, without(effects, item)) for item in effects]
     return [
