@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ecm.errors import InputError
-from ecm.io.arrays import lstsq, svd
+from ecm.io.arrays import eigh, lstsq, pinvh, svd
 from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
@@ -71,15 +71,22 @@ def test_a_good_matrix_on_which_the_fast_algorithm_gives_up_is_solved(
     """As OpenBLAS does on some processors, seen with 162 x 144 finite numbers."""
     columns, response, _ = _rows_of_one_group()
     values, known = np.linalg.svd(columns)[1], lstsq(columns, response, rcond=1e-10)
-    for name in ("svd", "lstsq"):
+    products = columns.T @ columns
+    inverse = np.linalg.inv(products)
+    for name in ("svd", "lstsq", "eigh"):
         monkeypatch.setattr(np.linalg, name, _gives_up)
     u, found, vt = svd(columns)
     np.testing.assert_allclose(found, values)
     np.testing.assert_allclose(u * found @ vt, columns, atol=1e-9)
     np.testing.assert_allclose(lstsq(columns, response, rcond=1e-10), known, rtol=1e-9)
+    sizes, axes = eigh(products)
+    np.testing.assert_allclose(axes * sizes @ axes.T, products, rtol=1e-9)
+    np.testing.assert_allclose(pinvh(products), inverse, rtol=1e-6)
     columns[0, 0] = np.nan
     with pytest.raises(np.linalg.LinAlgError):
         svd(columns)
+    with pytest.raises(np.linalg.LinAlgError):
+        eigh(columns.T @ columns)
     with pytest.raises(np.linalg.LinAlgError):
         lstsq(columns, response)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from ecm.comparison.residuals import KNOWN, chebyshev, features, in_each_component, second_degree
-from ecm.io.arrays import B, F, I, rms
+from ecm.io.arrays import B, F, I, eigh, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
@@ -130,9 +130,9 @@ def beside_coefficients(whitened: F, columns: F, covariance: F) -> F:
     >>> beside_coefficients(np.array([[2.0]]), np.ones((1, 1, 1)), np.array([[3.0]]))
     array([[1.]])
     """
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigh(covariance)
     images = columns.reshape(-1, len(values)) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    squares, turn = np.linalg.eigh(images.T @ images)
+    squares, turn = eigh(images.T @ images)
     root = np.sqrt(1.0 + np.maximum(squares, 0.0))  # of the covariance I + images images'
     own = images @ turn
     along = (own.T @ whitened.ravel()) / (root * (root + 1.0))

@@ -26,7 +26,7 @@ from ecm.designs.regressors import (
 )
 from ecm.errors import DesignError, InputError
 from ecm.io.arguments import check_arguments
-from ecm.io.arrays import LARGEST, F, I
+from ecm.io.arrays import LARGEST, F, I, eigh
 from ecm.io.events import Printed
 from ecm.regression.blas import one_blas_thread
 
@@ -377,7 +377,7 @@ def design_sizes(
 
 def _error(chosen: F, rows: F) -> float:
     """Root mean variance of the predicted rows; infinite where the design is singular."""
-    values, vectors = np.linalg.eigh(chosen.T @ chosen)
+    values, vectors = eigh(chosen.T @ chosen)
     if values[0] <= 1e-14 * values[-1]:
         return float("inf")
     variance = ((rows @ vectors) ** 2 / values).sum(axis=1)

@@ -29,7 +29,7 @@ from ecm.diagnosis.verdict import probability
 from ecm.effects import Effect, Rows
 from ecm.effects.registry import get_effect
 from ecm.errors import EcmError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, pinvh
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
@@ -189,7 +189,7 @@ class Told:
         base, (_, m, k) = self._base, self._design.shape
         new = self._design[list(since)].reshape(-1, k)
         matrix = self._matrix + new.T @ new
-        absorbed = np.linalg.pinv(matrix[:base, :base], hermitian=True) @ matrix[:base, base:]
+        absorbed = pinvh(matrix[:base, :base]) @ matrix[:base, base:]
         known = matrix[base:, base:] - matrix[base:, :base] @ absorbed
         own = self._design[list(rows)]
         seen = own[:, :, base:] - own[:, :, :base] @ absorbed

@@ -28,7 +28,7 @@ from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
 from ecm.effects.relaxation import hereditary, time_constants
 from ecm.effects.sensor import warmth_of
-from ecm.io.arrays import F, evenly, rms, rms_of_columns, svd
+from ecm.io.arrays import F, eigh, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
 from ecm.models.maps import EnergyMap
@@ -448,7 +448,7 @@ def _of_pose(problem: Problem) -> Iterator[F]:
         squares = ((a[:, None] - b[None]) ** 2).sum(axis=2)
         return np.asarray(np.exp(-squares / (3.0 * at.shape[1])))
 
-    values, vectors = np.linalg.eigh(kernel(some, some) + 1e-6 * np.eye(len(some)))
+    values, vectors = eigh(kernel(some, some) + 1e-6 * np.eye(len(some)))
     yield _free(problem, (kernel(at, some) @ vectors / np.sqrt(values))[:, ::-1][:, :24])
     for size in _sizes_of_load(rows.whole):
         yield from _factors(problem, _cosines(rows.of_whole(size), 4))

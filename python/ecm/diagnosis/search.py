@@ -22,7 +22,7 @@ from ecm.diagnosis.problem import (
 )
 from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
-from ecm.io.arrays import B, F, I, rest_of
+from ecm.io.arrays import B, F, I, pinvh, rest_of
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
 from ecm.regression.f_test import explained_by_span, within_cells
 from ecm.regression.folds import folds, held_out_by, repeat_cells
@@ -76,7 +76,7 @@ class Estimate:
     @cached_property
     def covariance(self) -> F:
         """(k, k)."""
-        return np.asarray(np.linalg.pinv(self.matrix, hermitian=True))
+        return np.asarray(pinvh(self.matrix))
 
     def places(self, item: Candidate) -> list[int]:
         """Return where the coefficients of one effect are."""

@@ -105,6 +105,39 @@ def svd(a: F) -> tuple[F, F, F]:
     return u, values, vt
 
 
+def eigh(matrix: F) -> tuple[F, F]:
+    """Eigenvalues (k,), rising, and vectors (k, k) of a symmetric matrix; as `svd`.
+
+    Examples
+    --------
+    >>> eigh(np.diag([3.0, 2.0]))[0].tolist()
+    [2.0, 3.0]
+    """
+    try:
+        values, vectors = np.linalg.eigh(matrix)
+    except np.linalg.LinAlgError:
+        if not np.isfinite(matrix).all():
+            raise
+        import scipy.linalg  # noqa: PLC0415 - takes long to load
+
+        values, vectors = scipy.linalg.eigh(matrix, driver="ev")
+    return values, vectors
+
+
+def pinvh(matrix: F, rcond: float = 1e-15) -> F:
+    """Pseudo-inverse of a symmetric matrix; eigenvalues below this share of the largest are zero.
+
+    Examples
+    --------
+    >>> pinvh(np.diag([4.0, 0.0])).tolist()
+    [[0.25, 0.0], [0.0, 0.0]]
+    """
+    values, vectors = eigh(matrix)
+    sizes = np.abs(values)
+    seen = sizes > rcond * sizes.max(initial=0.0)
+    return np.asarray((vectors[:, seen] / values[seen]) @ vectors[:, seen].T)
+
+
 def lstsq(z: F, y: F, rcond: float | None = None) -> F:
     """Shortest x (k,) or (k, q) with the least squares of y - z x, of columns z (r, k) of any rank.
 

@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from ecm.errors import ComputationError, InputError, ModelError, Remedy
-from ecm.io.arrays import F, evenly, rms_of_columns
+from ecm.io.arrays import F, eigh, evenly, pinvh, rms_of_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress
 from ecm.io.settings import MOST_OF_ONE_INPUT
@@ -203,7 +203,7 @@ def constrained(model: Model, *, zero_at_home: bool = False, stable: bool = Fals
 def _onto(rows: F, beta: F, covariance: F) -> tuple[F, F]:
     """Nearest beta with rows @ beta = 0, and its covariance."""
     cross = covariance @ rows.T
-    gain = cross @ np.linalg.pinv(rows @ cross, rcond=1e-12, hermitian=True)
+    gain = cross @ pinvh(rows @ cross, 1e-12)
     # Twice: the second step removes what rounding left.
     for _ in range(2):
         beta = beta - gain @ (rows @ beta)
@@ -227,7 +227,7 @@ def _stable(base: StiffnessMap, home: F, beta: F, covariance: F) -> F:
     each = np.stack([_hessian(base, home, unit) for unit in np.eye(len(beta))])
     start, rows = beta, []
     for _ in range(_CUTS):
-        values, vectors = np.linalg.eigh(np.tensordot(beta, each, axes=1))
+        values, vectors = eigh(np.tensordot(beta, each, axes=1))
         if values[0] >= 0.5 * floor:
             return beta
         rows += [
@@ -247,7 +247,7 @@ def _above(rows: F, floor: float, start: F, covariance: F) -> F:
     size = np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows))
     rows, need = rows / size[:, None], (floor - rows @ start) / size
     cross = rows @ covariance
-    values, vectors = np.linalg.eigh(cross @ rows.T)
+    values, vectors = eigh(cross @ rows.T)
     positive = values > 1e-12 * values[-1]
     root = np.sqrt(values[positive])[:, None] * vectors[:, positive].T
     target = (vectors[:, positive] / np.sqrt(values[positive])).T @ need

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from ecm.effects import effects_of
 from ecm.effects.protocol import Effect, Parameter, correction_of, jacobian_of, linear_columns
 from ecm.errors import InputError, ModelError
-from ecm.io.arrays import B, F, I, lstsq
+from ecm.io.arrays import B, F, I, eigh, lstsq
 from ecm.io.columns import same_unit
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
@@ -480,7 +480,7 @@ class _At:
             return np.eye(k)
         if independent_factor(products) is not None:  # far less work than the eigenvalues
             return np.eye(k)
-        values, vectors = np.linalg.eigh(products)
+        values, vectors = eigh(products)
         values, null = values[values < _NULL * k], vectors[:, values < _NULL * k]
         # With one of its effects counted once, a combination must still be zero.
         _, shares, turns = np.linalg.svd(null[free_base:], full_matrices=False)

@@ -23,7 +23,7 @@ import numpy as np
 from ecm import _native
 from ecm._native import check_rotations, convert_stiffness, polynomial_regressor
 from ecm.errors import InputError, ModelError, Remedy
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, eigh
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.events import Progress
@@ -550,7 +550,7 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     known = {} if base.length_m is None else {"length_m": base.length_m}
     by_block = _own_variances(base, covariance)
     # P = R R', so that only the columns' images are needed, block by block.
-    values, vectors = (np.zeros(0), np.zeros(0)) if by_block else np.linalg.eigh(covariance)
+    values, vectors = (np.zeros(0), np.zeros(0)) if by_block else eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
 
     def of_block(block: slice) -> F:

@@ -20,7 +20,7 @@ import numpy as np
 from ecm import _native
 from ecm._native import ModelError, mid_frame
 from ecm.errors import InputError
-from ecm.io.arrays import B, F, evenly
+from ecm.io.arrays import B, F, eigh, evenly
 from ecm.io.columns import POSE, WRENCH, same_unit
 from ecm.io.description import Meta
 from ecm.io.se3 import poses_of
@@ -188,7 +188,7 @@ class Reach:
         more = np.maximum(0.5 * (_MARGIN - 1.0) * (high - low), 0.5 * _THINNEST * extents)
         centre = q.mean(axis=0)
         z = (q - centre) / extents
-        values, vectors = np.linalg.eigh(z.T @ z / len(z))
+        values, vectors = eigh(z.T @ z / len(z))
         values = np.maximum(values, _THINNEST**2 * max(values[-1], 1e-300))
         covariance = (vectors * values) @ vectors.T * np.outer(extents, extents)
         factor = np.linalg.inv(np.linalg.cholesky(covariance))

@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from ecm.errors import InputError, Remedy
-from ecm.io.arrays import F
+from ecm.io.arrays import F, eigh
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import Progress, tell_part
 from ecm.io.table import Table
@@ -217,6 +217,6 @@ def seen_combinations(design: F) -> F:
     [[0.224], [0.224]]
     """
     scale, products = unit_products(design)
-    squares, vectors = np.linalg.eigh(products)
+    squares, vectors = eigh(products)
     seen = squares >= _UNSEEN * max(float(squares[-1]), 1e-300)
     return np.asarray(vectors[:, seen] / scale[:, None])

@@ -17,7 +17,7 @@ import numpy as np
 from ecm.effects.protocol import Effect
 from ecm.errors import ComputationError, EcmError, InputError, ModelError, Remedy, remedy_of
 from ecm.io.arguments import listed
-from ecm.io.arrays import B, F, rms
+from ecm.io.arrays import B, F, eigh, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
@@ -284,7 +284,7 @@ def _lost_signs(fitted: Model, old: F, new: F, sd: F, positive: B) -> list[str]:
     def least(stiffness: F) -> tuple[float, int]:
         """The least eigenvalue, and the pair with the largest part in its direction."""
         block = stiffness[np.ix_(rows, columns)] / np.outer(root, root)
-        values, vectors = np.linalg.eigh((block + block.T) / 2.0)
+        values, vectors = eigh((block + block.T) / 2.0)
         return float(values[0]), int(np.abs(vectors[:, 0]).argmax())
 
     value, largest = least(new)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 from scipy.linalg import LinAlgError, cholesky, lapack, qr, solve_triangular
 
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, eigh
 from ecm.regression.normal_equations import in_blocks
 
 OUTLIER_CHANCE = 1e-4
@@ -451,6 +451,6 @@ def root_of_inverse(products: F, least: float) -> F:
     >>> (root @ root.T).tolist()
     [[0.25, 0.0], [0.0, 1.0]]
     """
-    values, vectors = np.linalg.eigh(products)
+    values, vectors = eigh(products)
     seen = values > least * values[-1:]
     return np.asarray(vectors[:, seen] / np.sqrt(values[seen]))

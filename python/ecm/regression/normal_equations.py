@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ecm._native import merged_triangle
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F, I, eigh
 from ecm.io.events import Progress
 from ecm.io.extras import own_cores
 from ecm.io.table import Table
@@ -202,7 +202,7 @@ def _without_them(projected: F, left: F) -> F:
         (i, k) what they leave where these columns are fitted to all rows. What only these rows
         tell of them stays so.
     """
-    shares, directions = np.linalg.eigh(projected.T @ projected)
+    shares, directions = eigh(projected.T @ projected)
     others = 1.0 - shares
     grown = np.divide(1.0, others, out=np.zeros_like(others), where=others > _LEAST_SEEN)
     along = projected @ directions
