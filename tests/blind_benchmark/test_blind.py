@@ -109,7 +109,7 @@ def test_nothing_hidden_is_given_no_name(folder: Path, method: Method) -> None:
 
 
 def test_weak_effects_bring_hardly_a_wrong_name(folder: Path) -> None:
-    """At a third of the noise on 120 rows: what resampled rows do not choose again is not said."""
+    """At a third of the noise on 120 rows: what most draws of rows do not choose is not said."""
     right = wrong = 0
     for i, id in enumerate(("payload", "hysteresis", "fts_drift", "tip_frame_misalignment") * 2):
         answer = result_of(Set(1, 980 + i, "rod", hidden=((id, 0.3),)), folder)["ours"]["answer"]

@@ -2,7 +2,8 @@
 
 Each broken stage is beside the test of test_blind.py whose bound it does not meet. A gate that
 always rejects is not here: what is left over is asked the same question by the same test, so that
-nothing changes. Nor is the resampling: of these sets it makes classes larger, none right or wrong.
+nothing changes. Nor are the draws of rows: of these sets they make classes larger, none right or
+wrong.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ def test_every_condition_of_a_check_is_tested_above() -> None:
     assert (DEFAULTS.level, DEFAULTS.least_bic, CHOSEN_SHARE) == (0.01, 6.0, 0.8)
 
 
-def test_what_fails_by_itself_is_dropped_without_bootstraps(
+def test_what_fails_by_itself_is_dropped_without_draws(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """They take most of the time; an effect that nothing shows fails before them."""
@@ -124,7 +124,7 @@ def test_what_fails_by_itself_is_dropped_without_bootstraps(
 def test_a_rival_that_wins_often_is_a_member_also_where_a_close_one_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """None of both is asked for alone: 0.56 of the resamplings, with them 0.83."""
+    """None of both is asked for alone: 0.56 of the draws, with them 0.83."""
     problem = softened()
     wins = {"temperature_modulus": 0.56, "far": 0.19, "close": 0.08, "seldom": 0.01}
     monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
@@ -271,7 +271,7 @@ def test_runs_of_a_continuous_test_are_held_out_one_at_a_time() -> None:
     assert np.array_equal(parts, run - 1.0)
 
 
-def test_a_rival_that_wins_one_resampling_in_ten_joins_the_class(
+def test_a_rival_that_wins_one_draw_in_ten_joins_the_class(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """However far it is in BIC: with few rows it may be the truth."""

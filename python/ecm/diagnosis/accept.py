@@ -60,20 +60,23 @@ from ecm.regression.normal_equations import (
 _LOST_BY_ONE, _LOST_BY_SHAPES = 0.5, 0.2
 """Share of a gain that an effect which cannot be tested may lose in its plain form, or in the best
 of several shapes, and still be the cause."""
+_LEFT_OUT = 0.25
+"""Part of the groups that a draw lacks: more than a fifth, so that what one pose alone shows wins
+fewer than 0.8, and no more, for few rows must still hold the base."""
 CHOSEN_SHARE = 0.8
-"""Share of group bootstraps that must choose a name or class."""
+"""Share of draws that must choose a name or class."""
 KEPT_WITHIN_BOUNDS = 0.8
 """Share that parameters within their bounds, and not only to first order, must still explain."""
 CLOSE_BIC = 20.0
-"""A rival that wins some bootstraps is close within this loss of BIC."""
-_SOME_BOOTSTRAPS = 0.02
-"""Some bootstraps: more than this share of them."""
-RIVAL_BOOTSTRAPS = 0.1
+"""A rival that wins some draws is close within this loss of BIC."""
+_SOME_DRAWS = 0.02
+"""Some draws: more than this share of them."""
+RIVAL_SHARE = 0.1
 """A rival that wins more than this share of them is a member."""
 _CHANCE_DEVIATIONS = 1.645
 """Standard deviations by which chance may hide what is left: 1 in 20."""
 _CONTENDER_SHARE = 0.3
-"""A shape that explains less than this share of the chosen one wins no bootstrap."""
+"""A shape that explains less than this share of the chosen one wins no draw."""
 _RIDGED = 1.0 + RIDGE
 _RACE_DRAWS = 200
 """After so many draws a shape that won none is out: one with a share of 0.1, which makes a rival a
@@ -226,7 +229,7 @@ class _Chosen:
         return np.asarray(np.bincount(run, rows)[1:], dtype=np.float64)
 
     def alone(self) -> AcceptanceCheck:
-        """Return the evidence that asks neither for the class of the effect nor for bootstraps."""
+        """Return the evidence that asks neither for the class of the effect nor for draws."""
         own = self.ranked[self.item.id]
         inside, kept = self._bounds_kept()
         return AcceptanceCheck(
@@ -260,7 +263,7 @@ class _Chosen:
         return {one.id: one for one in rank(self.problem, self.others)}
 
     def winners(self, seed: int) -> dict[str, float]:
-        """Return the share of bootstraps that each effect wins in its place."""
+        """Return the share of draws that each effect wins in its place."""
         shapes = of_others(self.problem.candidates, self.others)
         drops = delta_chi2_of_each(self.problem, self.others, shapes)
         least = _CONTENDER_SHARE * self.ranked[self.item.id].drop
@@ -283,7 +286,7 @@ class _Chosen:
     def classified(
         self, alone: AcceptanceCheck, seed: int
     ) -> tuple[AcceptanceCheck, tuple[str, ...]]:
-        """Return the evidence for it and its class, with the rivals that win bootstraps."""
+        """Return the evidence for it and its class, with the rivals that win draws."""
         winners = self.winners(seed)
         members = confusion_class(self.problem, self.chosen, self.item)
         seldom = share_of(winners, members) < CHOSEN_SHARE
@@ -291,14 +294,14 @@ class _Chosen:
         if len(self.chosen) == 1 or not seldom:
             # A rival that wins often belongs to the class, however far it is in BIC: with few rows
             # it may be the truth. Several that win seldom may add up to what no library holds.
-            often = [id for id in winners if winners[id] > RIVAL_BOOTSTRAPS]
+            often = [id for id in winners if winners[id] > RIVAL_SHARE]
             present = {other.id for other in self.chosen}
             joining = sorted((id for id in often if id not in present), key=lambda id: -winners[id])
         room = max(0, MOST_IN_CLASS - len(members))
         if seldom and room:
             # So does a close one that wins now and then.
             close = confusion_class(self.problem, self.chosen, self.item, CLOSE_BIC)
-            joining += [id for id in close if winners.get(id, 0.0) > _SOME_BOOTSTRAPS]
+            joining += [id for id in close if winners.get(id, 0.0) > _SOME_DRAWS]
         new = list(dict.fromkeys(id for id in joining if id not in members))
         few = (*members, *new[:room])
         share = share_of(winners, few)
@@ -314,7 +317,7 @@ class _Chosen:
 
 
 def share_of(winners: dict[str, float], members: Sequence[str]) -> float:
-    """Return the share of bootstraps that a class wins; of a longer list its best members."""
+    """Return the share of draws that a class wins; of a longer list its best members."""
     return sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:MOST_IN_CLASS])
 
 
@@ -414,12 +417,13 @@ def selection_shares(
 
 
 def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
-    """Yield (d, g) how often each group is in a draw, as many draws as fit into the memory."""
+    """Yield (d, g) which groups are in a draw, as many draws as fit into the memory."""
     rng = np.random.default_rng([seed, 5])
+    left_out = min(max(1, round(_LEFT_OUT * groups)), groups - 1)
     for first in range(0, draws, _AT_ONCE):
         size = min(_AT_ONCE, draws - first)
-        drawn = rng.multinomial(groups, np.full(groups, 1.0 / groups), size=size)
-        yield drawn.astype(np.float64)
+        place = rng.random((size, groups)).argsort(axis=1).argsort(axis=1)
+        yield (place >= left_out).astype(np.float64)
 
 
 def _falls_of_draws(
@@ -492,7 +496,7 @@ class AcceptanceCheck:
     held_out_fall: float
     """Fall of the held-out sum of squares in its standard errors."""
     chosen_share: float
-    """Share of group bootstraps in which it, or one of the best of its class, is chosen."""
+    """Share of draws in which it, or one of the best of its class, is chosen."""
     within_bounds: bool
     """Every parameter is within its bounds, also where they are not imposed."""
     explained_in_bounds: float
@@ -500,7 +504,7 @@ class AcceptanceCheck:
     own_seen: bool
     """Its own sign is seen, or its plain form is in its class."""
     winners: dict[str, float] = field(repr=False)
-    """Share of bootstraps that each effect wins."""
+    """Share of draws that each effect wins."""
     settings: DiagnosisSettings = field(default=DEFAULTS, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -515,7 +519,7 @@ class AcceptanceCheck:
 
     @property
     def passes_alone(self) -> bool:
-        """Whether the conditions hold that ask neither for its class nor for bootstraps."""
+        """Whether the conditions hold that ask neither for its class nor for draws."""
         limits = self.settings
         return (
             self.p_holm < limits.level
@@ -589,14 +593,14 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
     chosen
         Effects of the search.
     seed
-        Seed of the bootstraps.
+        Seed of the draws.
     """
     chosen = _held_first(problem, chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
     while chosen:
         found: dict[str, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
         alone = [(one, one.alone()) for one in (_Chosen(problem, chosen, c) for c in chosen)]
-        # The weakest that fails is dropped: stronger ones need no bootstraps in this pass, nor
+        # The weakest that fails is dropped: stronger ones need no draws in this pass, nor
         # does what fails by itself. Those of the last one are reported.
         for one, check in sorted(alone, key=lambda pair: pair[1].delta_bic):
             item = one.item

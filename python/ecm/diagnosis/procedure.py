@@ -445,7 +445,7 @@ def diagnose(
     meta
         Description of the data, as a dict of what the TOML beside it would hold, or that file.
     seed
-        Seed of the random generator of the bootstraps.
+        Seed of the random generator that draws groups of rows.
     effects
         Ids or effects to test, or one alone; default: all that are registered.
     noise
