@@ -211,6 +211,17 @@ class Steep(Effect):
         return pushed
 
 
+def test_what_is_clear_in_few_rows_wins_the_draws_beside_a_base_of_many_terms() -> None:
+    """24 poses, 2 % from the humidity; of fewer rows a draw cannot hold an energy of degree 6."""
+    poses = workspace_poses(24, 1)
+    humidity = np.random.default_rng(51).uniform(30.0, 70.0, 24)
+    scale = 1.0 + 0.02 * (humidity[:, None] - 50.0) / 20.0
+    table = rows(poses, scale * wrench(poses), 1, humidity=humidity)
+    found = diagnose(linear(table), table)
+    assert found.answer == (("unused_column:humidity",),)
+    assert found.checks[0].chosen_share > 0.95
+
+
 def test_a_step_that_leaves_more_is_taken_in_part() -> None:
     poses = workspace_poses(20, 9)
     base = EnergyTerms(L, 4).fit(poses, wrench(poses))
