@@ -137,7 +137,7 @@ def test_an_effect_is_still_named_in_slow_noise(id: str) -> None:
 
 
 def test_any_number_of_cores_gives_the_same_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Resampled groups and the grid of slow noise are shared by threads."""
+    """Draws of groups and the grid of slow noise are shared by threads."""
     table = slow_log(2, 1.0).select(np.arange(0, ROWS, 6))
     model, found = ecm.fit(table, "cubic"), set()
     for cores in (1, 3):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.diagnosis.accept import selection_shares
+from ecm.diagnosis.accept import CHOSEN_SHARE, _drawn, selection_shares
 from ecm.diagnosis.problem import Candidate, Problem, assemble
 from ecm.diagnosis.search import best_shapes, rank
 from ecm.effects import all_effects
@@ -63,6 +63,14 @@ def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
         assert found == pytest.approx(expected, rel=1e-9)
         winners.append(len(expected))
     assert winners[0] > 2
+
+
+@pytest.mark.parametrize("groups", [2, 4, 5, 9, 10, 20])
+def test_what_one_pose_alone_shows_wins_too_few_draws(groups: int) -> None:
+    drawn = np.concatenate([*_drawn(groups, 4000, 0)])
+    assert (drawn.mean(axis=0) < CHOSEN_SHARE).all()
+    assert np.ptp(drawn.sum(axis=1)) == 0.0
+    assert np.concatenate([*_drawn(1, 25, 0)]).min() == 1.0  # which nothing can be left of
 
 
 def test_a_base_that_is_projected_out_leaves_no_fixed_columns(

@@ -1,8 +1,8 @@
 """Stage accept: classes of effects that cannot be told apart, and the checks that each must pass.
 
 A share near 0.8 is known to 0.05 from 60 draws and to 0.013 from 1000. Where one effect wins nearly
-all of the first 400, no threshold is near and they suffice; what wins none of the first 200 does
-not take part in more. A draw needs only the normal equations of base and chosen effects with every
+all of the first 400, no threshold is near and they suffice; what wins none of them does not take
+part in more. A draw needs only the normal equations of base and chosen effects with every
 column, and those of each candidate by itself, so that many draws are solved at once.
 """
 
@@ -68,23 +68,18 @@ CHOSEN_SHARE = 0.8
 KEPT_WITHIN_BOUNDS = 0.8
 """Share that parameters within their bounds, and not only to first order, must still explain."""
 CLOSE_BIC = 20.0
-"""A rival that wins some draws is close within this loss of BIC."""
-_SOME_DRAWS = 0.02
-"""Some draws: more than this share of them."""
-RIVAL_SHARE = 0.1
-"""A rival that wins more than this share of them is a member."""
+"""Where an effect explains more than this, no effect at all is none of its rivals."""
+RIVAL_SHARE = 0.02
+"""A rival that wins more than this share of draws is a member. They differ less than bootstraps, of
+which it would win a tenth: by the root of a third of the deviations."""
 _CHANCE_DEVIATIONS = 1.645
 """Standard deviations by which chance may hide what is left: 1 in 20."""
 _CONTENDER_SHARE = 0.3
 """A shape that explains less than this share of the chosen one wins no draw."""
 _RIDGED = 1.0 + RIDGE
-_RACE_DRAWS = 200
-"""After so many draws a shape that won none is out: one with a share of 0.1, which makes a rival a
-member of the class, wins none of them with a chance of 1e-9."""
 _DRAWS, _FIRST_DRAWS, _AT_ONCE = 1000, 400, 25
 _CLEAR = 0.99
-"""Share of the first draws that is clear: where the true share is 0.9, so that a rival might have
-the 0.1 that makes it a member of the class, 396 of 400 are won with a chance of 1e-13."""
+"""Share of the first draws that is clear, and leaves no rival its share."""
 
 
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
@@ -297,13 +292,8 @@ class _Chosen:
             often = [id for id in winners if winners[id] > RIVAL_SHARE]
             present = {other.id for other in self.chosen}
             joining = sorted((id for id in often if id not in present), key=lambda id: -winners[id])
-        room = max(0, MOST_IN_CLASS - len(members))
-        if seldom and room:
-            # So does a close one that wins now and then.
-            close = confusion_class(self.problem, self.chosen, self.item, CLOSE_BIC)
-            joining += [id for id in close if winners.get(id, 0.0) > _SOME_DRAWS]
-        new = list(dict.fromkeys(id for id in joining if id not in members))
-        few = (*members, *new[:room])
+        new = [id for id in joining if id not in members]
+        few = (*members, *new[: max(0, MOST_IN_CLASS - len(members))])
         share = share_of(winners, few)
         if len(self.chosen) == 1 and share < CHOSEN_SHARE and alone.delta_bic > CLOSE_BIC:
             # No effect at all is not as close as they are, and no other is beside it: the class is
@@ -390,8 +380,8 @@ def selection_shares(
     contenders
         Shapes that may win.
     draws
-        Most draws. After 200 shapes that won none are out, and after 400 no more draws are made
-        where one effect has won 99 % of them.
+        Most draws. After 400 shapes that won none are out, and no more draws are made where one
+        effect has won 99 % of them.
     """
     if not contenders:
         return {}
@@ -399,9 +389,8 @@ def selection_shares(
     won = np.zeros(len(contenders), dtype=np.int64)
     racing = np.arange(len(contenders))
     drawn = _drawn(len(problem.normal.squares), draws, seed)
-    race, rest = _RACE_DRAWS // _AT_ONCE, (_FIRST_DRAWS - _RACE_DRAWS) // _AT_ONCE
     made = 0
-    for part in (islice(drawn, race), islice(drawn, rest), drawn):
+    for part in (islice(drawn, _FIRST_DRAWS // _AT_ONCE), drawn):
         falls_of = _falls_of_draws(problem, fixed, [contenders[i] for i in racing.tolist()])
         for falls in in_threads(falls_of, part):
             made += len(falls)
@@ -411,7 +400,7 @@ def selection_shares(
         wins: Counter[str] = Counter()
         for contender, count in zip(contenders, won.tolist(), strict=True):
             wins[contender.id] += count
-        if len(racing) == 0 or (made >= _FIRST_DRAWS and max(wins.values()) >= _CLEAR * made):
+        if len(racing) == 0 or max(wins.values()) >= _CLEAR * made:
             break
     return {id: count / made for id, count in wins.items() if count}
 
@@ -419,7 +408,8 @@ def selection_shares(
 def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
     """Yield (d, g) which groups are in a draw, as many draws as fit into the memory."""
     rng = np.random.default_rng([seed, 5])
-    left_out = min(max(1, round(_LEFT_OUT * groups)), groups - 1)
+    # More than a fifth also where a quarter of few groups is rounded down to that.
+    left_out = min(max(round(_LEFT_OUT * groups), groups // 5 + 1), groups - 1)
     for first in range(0, draws, _AT_ONCE):
         size = min(_AT_ONCE, draws - first)
         place = rng.random((size, groups)).argsort(axis=1).argsort(axis=1)

@@ -1,4 +1,4 @@
-"""Least squares on group-wise normal equations: refits, folds and bootstraps without the rows.
+"""Least squares on group-wise normal equations: refits, folds and draws without the rows.
 
 For whitened rows y = Z theta + noise, everything that a comparison of models needs is in
 G_g = Z_g' Z_g, c_g = Z_g' y_g and s_g = y_g' y_g of each group g of rows. Tables of many rows are
