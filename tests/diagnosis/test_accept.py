@@ -337,3 +337,58 @@ def test_a_rival_that_leaves_far_more_than_the_name_is_no_other_form_of_it(
     table = with_change(table, weight)
     found = find_missing(fit_model(table, "energy6", force=True), table)
     assert found.answer == (members,)
+
+
+def alike_to(held: str, *ids: str) -> Any:
+    """In place of `confusion_class`: these effects look like a change of the held one."""
+    return lambda problem, chosen, item, *_: [item.id, *([held] if item.id in ids else [])]
+
+
+def holding(held: str, *ids: str) -> tuple[Problem, dict[str, Candidate]]:
+    """A softened body, tested for the effect that its model holds and for others."""
+    table = campaign("", 1.0, 4)
+    softer = effect_of("temperature_modulus", [0.03], 2.0, table)
+    problem = assembled(with_change(table, softer), held, *ids)
+    problem = replace(problem, holds=(get_effect(held),))
+    return problem, {one.id: one for one in problem.candidates}
+
+
+def test_a_change_of_what_the_model_holds_comes_before_what_looks_like_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One cause is likelier than two; of two that look like it one takes its place."""
+    problem, one = holding("anisotropy", "temperature_modulus", "fts_gain", "payload")
+    chosen = (one["temperature_modulus"], one["fts_gain"], one["payload"])
+    monkeypatch.setattr(accept_module, "confusion_class", alike_to("anisotropy", "fts_gain"))
+    found = accept_module._held_first(problem, chosen)
+    assert [item.id for item in found] == ["temperature_modulus", "payload", "anisotropy"]
+    both = alike_to("anisotropy", "temperature_modulus", "fts_gain")
+    monkeypatch.setattr(accept_module, "confusion_class", both)
+    found = accept_module._held_first(problem, chosen)
+    assert [item.id for item in found] == ["fts_gain", "payload", "anisotropy"]
+    assert accept_module._held_first(replace(problem, holds=()), chosen) == chosen
+
+
+@pytest.mark.parametrize("fails", ["reached", "bounds"])
+def test_it_does_so_as_well_where_the_search_begins_again(
+    monkeypatch: pytest.MonkeyPatch, fails: str
+) -> None:
+    problem, one = holding("anisotropy", "temperature_modulus", "fts_gain")
+    monkeypatch.setattr(accept_module, "confusion_class", alike_to("anisotropy", "fts_gain"))
+    monkeypatch.setattr(accept_module, "search", lambda *_: (one["fts_gain"],))
+    if fails == "reached":
+        monkeypatch.setattr(accept_module, "_reached", lambda *_: None)
+    else:
+        monkeypatch.setattr(accept_module._Chosen, "_bounds_kept", lambda _: (False, 0.0))
+    tried: list[str] = []
+    alone = accept_module._Chosen.alone
+
+    def noted(self: Any) -> AcceptanceCheck:
+        tried.append(self.item.id)
+        if len(tried) == 2:
+            monkeypatch.undo()
+        return alone(self)
+
+    monkeypatch.setattr(accept_module._Chosen, "alone", noted)
+    accept_module.accept(problem, [one["temperature_modulus"]])
+    assert tried[:2] == ["temperature_modulus", "anisotropy"]

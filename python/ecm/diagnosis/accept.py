@@ -559,7 +559,8 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
 def _held_first(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Return the effects with a change of one of the model's own in place of what looks like it.
 
-    One cause is likelier than two.
+    One cause is likelier than two: what looks like other values of an effect that the model holds
+    is such a change.
     """
     own = {effect.id for effect in problem.holds}
     held = {one.id: one for one in problem.candidates if one.id in own}
@@ -603,7 +604,7 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
             if fit is None:
                 weakest = min(chosen, key=lambda one: found[one.id][0].delta_bic)
                 problem = problem.without_effect(weakest.id)
-                chosen = search(problem, rank(problem))
+                chosen = _held_first(problem, search(problem, rank(problem)))
                 continue
             pairs = [found[item.id] for item in chosen]
             classes, checks = tuple(own for _, own in pairs), tuple(c for c, _ in pairs)
@@ -611,7 +612,7 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
         checks = (found[item.id][0],) if item.id in found else ()
         if check.explained_in_bounds <= KEPT_WITHIN_BOUNDS:
             problem = problem.without_effect(item.id)
-            chosen = search(problem, rank(problem))
+            chosen = _held_first(problem, search(problem, rank(problem)))
         else:
             chosen = without(chosen, item)
     return Accepted(checks=checks)
