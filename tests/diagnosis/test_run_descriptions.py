@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +11,15 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose, find_missing
+from ecm.diagnosis.preparation import OtherValues, prepare
 from ecm.effects import Rows, get_effect
 from ecm.effects.load import needs_gravity
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.description import Instrument, Meta, Scene, read_meta
 from ecm.io.table import Table, as_table, read_table
-from ecm.models import fit_model
+from ecm.models import Model, fit_model
+from ecm.models.joint_fit import FittedEffect
 from support.campaigns import INSTRUMENT, physics, with_change, with_effect, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
@@ -159,8 +163,12 @@ def test_a_campaign_of_another_gravity_keeps_it_when_joined(tmp_path: Path) -> N
     assert rows.gravity_m_s2[:, 0].tolist() == [-9.81] * HALF + [9.81] * HALF
 
 
-def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_asked_for() -> None:
-    """A wrong zero stood for a payload; held as it was it hid it, also after it was taken off."""
+@cache
+def zero_in_place_of_a_payload() -> tuple[Model, Table, Table]:
+    """A model to which the wrong name was added, the rows of its fit, and these with later ones.
+
+    The payload is taken off in the later rows.
+    """
     poses, noise = workspace_poses(90, 5), np.random.default_rng([5, 1]).standard_normal((90, 6))
     read, late = wrench(poses) + noise * np.repeat([0.3, 0.01], 3), np.arange(90) >= 60
     columns: dict[str, Any] = columns_of(poses, read) | {"run": late.astype(float)}
@@ -174,6 +182,12 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     table = with_effect(table, "payload", [0.5, 0.01, 0.0, 0.0])
     before = table.select(np.flatnonzero(~late))
     given = fit_model(before, "energy4", force=True).add("fts_offset").fit(before)
+    return given, before, table
+
+
+def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_asked_for() -> None:
+    """A wrong zero stood for a payload; held as it was it hid it, also after it was taken off."""
+    given, _, table = zero_in_place_of_a_payload()
     found = diagnose(given, table)
     assert {id for members in found.answer for id in members} >= {"payload", "fts_offset"}
     assert "a change of what the model holds of it" in found.summary().missing
@@ -182,6 +196,40 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     assert "--remove fts_offset --add payload" in found.addition.remedy.command
     mass = next(item for item in found.effects if item.id == "payload").values[0]
     assert mass == pytest.approx(0.5, abs=0.02)
+
+
+def changes_offered(given: Model, table: Table) -> list[str]:
+    return [one.id for one in prepare(given, table).effects if isinstance(one, OtherValues)]
+
+
+def test_no_change_of_an_effect_is_offered_that_is_frozen_or_may_be_of_these_rows() -> None:
+    given, before, table = zero_in_place_of_a_payload()
+    assert changes_offered(given, table) == ["fts_offset"]
+    assert changes_offered(given, before) == []
+    assert changes_offered(given.freeze("fts_offset"), table) == []
+    assert changes_offered(replace(given, training={}), table) == []
+
+
+def test_a_part_of_the_rows_of_the_fit_does_no_harm() -> None:
+    """A change of what the model holds may be tried on it, and is nothing."""
+    given, before, _ = zero_in_place_of_a_payload()
+    right = given.remove("fts_offset").add("payload").fit(before)
+    for rows in (20, 40):
+        part = before.select(np.arange(rows))
+        assert changes_offered(right, part) == ["payload"]
+        assert find_missing(right, part).verdict == "none"
+
+
+def test_a_change_lacks_what_its_effect_lacks_and_imitates_nothing() -> None:
+    given, before, _ = zero_in_place_of_a_payload()
+    held = [
+        FittedEffect.unfitted(get_effect(id)) for id in ("temperature_modulus", "permanent_set")
+    ]
+    hidden = before.with_columns({"time_s": 10.0 * np.arange(len(before))})
+    for item, table in zip(held, (before, hidden), strict=True):
+        own, change = item.effect.missing(table), OtherValues(item).missing(table)
+        assert own is not None
+        assert change == replace(own, imitates=False, forms=())
 
 
 @pytest.mark.parametrize(("friction", "answer"), [(1.0, (("hysteresis",),)), (0.0, ())])

@@ -41,8 +41,7 @@ class OtherValues(LinearEffect):
     def __post_init__(self) -> None:
         own, values = self.of.effect, self.of.values.tolist()
         self.id, self.physics, self.side, self.kind = own.id, own.physics, own.side, own.kind
-        self.rivals, self.of_six, self.requires = own.rivals, own.of_six, own.requires
-        self.most_absorbed = own.most_absorbed
+        self.rivals, self.of_six, self.most_absorbed = own.rivals, own.of_six, own.most_absorbed
         self.parameters = tuple(
             replace(one, lower=one.lower - value, upper=one.upper - value)
             for one, value in zip(own.parameters, values, strict=True)
@@ -56,7 +55,7 @@ class OtherValues(LinearEffect):
     def missing(self, table: Table) -> Missing | None:
         """What the effect needs; in another form it is no change of this one."""
         lacking = self.of.effect.missing(table)
-        return None if lacking is None else Missing(lacking.reason, lacking.record)
+        return None if lacking is None else replace(lacking, imitates=False, forms=())
 
     def way(self, rows: Rows, values: F) -> str:
         """That it is no effect beside the one that the model has."""
@@ -121,9 +120,11 @@ def prepare(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least "
             f"{_LEAST_ROWS}. Measure more poses, or give several tables"
         )
-    # The rows of its fit say nothing new of its effects: what changes there is the base.
-    same = was_trained_on(model.training, without_zero_readings(table))
-    own = {item.id: OtherValues(item) for item in (() if same else model.effects)}
+    # The rows of its fit say nothing new of its effects: what changes there is the base. Where
+    # nobody knows which rows these were, they may be the same; frozen values are meant to stay.
+    training = model.training
+    same = "hash" not in training or was_trained_on(training, without_zero_readings(table))
+    own = {one.id: OtherValues(one) for one in model.effects if not (same or one.frozen)}
     table = table.with_length(model.base.length_m or model.length_m)
     rows = rows_without_zero_readings(table)
     distinct = distinct_rows(table.select(rows))
