@@ -4,21 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import ecm
+from ecm.effects import get_effect
 from ecm.effects.friction import Hysteresis
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, ModelError
 from ecm.io.arrays import rms
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
+from ecm.models import refit as refit_module
 from ecm.models.errors import FitRecord
 from ecm.models.joint_fit import joint_fit
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import _worse_held_out, objections, refit, refuse_addition, undetermined
+from ecm.models.refit import (
+    _worse_held_out,
+    addition_to,
+    objections,
+    refit,
+    refuse_addition,
+    undetermined,
+)
 from ecm.regression.noise import Noise
 from support.driven import ARM, NOISE, arm_table
 from support.neck import ROOT, columns_of, way_out
@@ -240,3 +250,32 @@ def test_a_pin_in_a_wider_hole_is_friction_behind_a_play() -> None:
         for path in (0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.11, 0.12)
     )  # fmt: skip
     assert without**2 - 1.0 > 2.0 * (left**2 - 1.0)
+
+
+@pytest.mark.parametrize("fails", [ModelError("no"), np.linalg.LinAlgError("no"), None])
+def test_an_addition_stands_where_the_fit_without_what_changes_fails(
+    monkeypatch: pytest.MonkeyPatch, fails: Exception | None
+) -> None:
+    """That fit is a question beside: its failure says nothing of the first one."""
+    table, plain = _stiff_on_one_axis(60, 3)
+    swing = np.cos(0.3 * table.column("time_s"))
+    table = table.with_columns({"a": swing, "fx_N": table.column("fx_N") + 0.5 * swing})
+    model, named = (
+        refit(plain, table, add="fts_drift", force=True),
+        ["fts_drift", "unused_column:a"],
+    )
+    fitted = refit_module._changed
+
+    def failing(*given: Any, **known: Any) -> Model:
+        if given[3] and fails is not None:
+            raise fails
+        return fitted(*given, **known)
+
+    monkeypatch.setattr(refit_module, "_changed", failing)
+    effects = [get_effect(id) for id in named]
+    found = addition_to(model, table, effects)
+    assert found is not None
+    assert (found.refused, found.remedy is None) == ("", False)
+    frozen = addition_to(model.freeze("fts_drift"), table, effects)
+    removed = ["--remove" in one.remedy.command for one in (found, frozen) if one and one.remedy]
+    assert removed == [fails is None, False]

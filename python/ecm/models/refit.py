@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -612,14 +613,16 @@ def addition_to(
     new = [effect for effect in effects if effect.id not in present]
     if not new:
         return None
-    ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in present]
+    free = {item.id for item in model.effects if not item.frozen}
+    ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     try:
         found = _changed(model, table, new, (), (), with_ceiling=False)
         # Those whose values change may have stood for what is new: then they are no longer needed.
-        fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
-        if not _is_better(found.history[-1], fewer.history[-1]):
-            found, present = fewer, {id: e for id, e in present.items() if id not in anew}
+        with suppress(EcmError, np.linalg.LinAlgError):
+            fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
+            if not _is_better(found.history[-1], fewer.history[-1]):
+                found, present = fewer, {id: e for id, e in present.items() if id not in anew}
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
