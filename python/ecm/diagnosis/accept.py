@@ -47,7 +47,7 @@ from ecm.diagnosis.settings import (
     DiagnosisSettings,
 )
 from ecm.errors import ModelError
-from ecm.io.arrays import F, rest_of
+from ecm.io.arrays import F, eigh, rest_of
 from ecm.models.joint_fit import JointFit
 from ecm.regression.normal_equations import (
     RIDGE,
@@ -185,7 +185,7 @@ class _Chosen:
         scales = [one.scale for one in candidate.effect.parameters]
         ordinary = self.problem.norms[at] * scales / np.sqrt(self.problem.scale)
         seen = self._beside_others[np.ix_(at, at)] * ordinary * ordinary[:, None]
-        return float((1.0 / (1.0 + np.maximum(np.linalg.eigvalsh(seen), 0.0))).sum())
+        return float((1.0 / (1.0 + np.maximum(eigh(seen)[0], 0.0))).sum())
 
     @cached_property
     def _own_unseen(self) -> float:

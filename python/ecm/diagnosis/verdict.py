@@ -261,10 +261,13 @@ they leave more than is there beyond the noise."""
 
 
 def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return each effect's share in what all explain and forms of the model's effects leave."""
+    """Return each effect's share in what all explain and forms of the model's effects leave.
+
+    Between visits to the same pose these leave nothing.
+    """
     total = delta_chi2(problem, effects)
-    forms = min(_OF_MODEL * problem.held, max(beyond_noise(problem), total))
-    forms *= not seen_in_repeats(problem, effects)
+    most = min(_OF_MODEL * problem.held, max(beyond_noise(problem), total))
+    forms = 0.0 if seen_in_repeats(problem, effects) else most
     own = total / max(total + forms, 1e-300)
     beside = [(item, without(effects, item)) for item in effects]
     return [

@@ -237,13 +237,17 @@ class FitRecord:
         if more == 0 or dof <= 0:
             return replace(self, test=f"chi2 falls by {delta_chi2:.1f} with as many parameters")
         test = FTest.of(narrow.chi2 - wide.chi2, abs(more), wide.chi2, dof)
-        bic = delta_chi2 - more * float(np.log(self.size))
         words = (
             f"chi2 falls by {delta_chi2:.1f} with {abs(more)} parameters "
             f"{'more' if more > 0 else 'fewer'} "
-            f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
+            f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {self.bic_fall(before):.1f})"
         )
         return replace(self, test=words)
+
+    def bic_fall(self, before: FitRecord) -> float:
+        """The fall of BIC since another fit of the same rows."""
+        more = self.parameters - before.parameters
+        return before.chi2 - self.chi2 - more * float(np.log(self.size))
 
 
 def history_figure(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ An error counts as worse where it exceeds the other by a tenth and by more than 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ from ecm.io.arrays import B, F, eigh, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import FitRecord, errors_and_noise, held_out
+from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
@@ -621,7 +620,8 @@ def addition_to(
         # Those whose values change may have stood for what is new: then they are no longer needed.
         with suppress(EcmError, np.linalg.LinAlgError):
             fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
-            if not _is_better(found.history[-1], fewer.history[-1]):
+            more, less = found.history[-1], fewer.history[-1]
+            if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
@@ -650,12 +650,6 @@ def addition_to(
         remedy=better or command,
         base=other if better else None,
     )
-
-
-def _is_better(more: FitRecord, fewer: FitRecord) -> bool:
-    """Whether more parameters lower both the BIC of the same rows and the held-out error."""
-    worth = (more.parameters - fewer.parameters) * math.log(max(more.size, 1))
-    return more.chi2 + worth < fewer.chi2 and more.held_out < fewer.held_out
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
