@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import special
 
 from ecm.diagnosis import diagnose, find_missing
 from ecm.diagnosis.preparation import OtherValues, prepare
+from ecm.diagnosis.search import seen_in_repeats
+from ecm.diagnosis.verdict import Decision
 from ecm.effects import Rows, get_effect
 from ecm.effects.load import needs_gravity
 from ecm.errors import InputError
@@ -20,6 +23,7 @@ from ecm.io.description import Instrument, Meta, Scene, read_meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import FittedEffect
+from ecm.regression.slow_noise import SlowPart
 from support.campaigns import INSTRUMENT, physics, with_change, with_effect, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
@@ -221,7 +225,7 @@ def test_a_part_of_the_rows_of_the_fit_does_no_harm() -> None:
 
 
 def test_a_change_lacks_what_its_effect_lacks_and_imitates_nothing() -> None:
-    given, before, _ = zero_in_place_of_a_payload()
+    before = zero_in_place_of_a_payload()[1]
     held = [
         FittedEffect.unfitted(get_effect(id)) for id in ("temperature_modulus", "permanent_set")
     ]
@@ -232,11 +236,9 @@ def test_a_change_lacks_what_its_effect_lacks_and_imitates_nothing() -> None:
         assert change == replace(own, imitates=False, forms=())
 
 
-@pytest.mark.parametrize(("friction", "answer"), [(1.0, (("hysteresis",),)), (0.0, ())])
-def test_friction_that_shows_between_visits_is_no_other_form_of_a_large_payload(
-    friction: float, answer: tuple[tuple[str, ...], ...]
-) -> None:
-    """It explained less than a thirtieth of what the payload does, and no row could name it."""
+@cache
+def friction_beside_a_payload(friction: float) -> Decision:
+    """What two visits to each of fifty poses say to a model that holds a large payload."""
     places = np.random.default_rng(3).permutation(np.repeat(np.arange(50), 2))
     poses, noise = workspace_poses(50, 5)[places], np.random.default_rng([5, 1])
     read = wrench(poses) + noise.standard_normal((100, 6)) * np.repeat([0.3, 0.01], 3)
@@ -253,4 +255,26 @@ def test_friction_that_shows_between_visits_is_no_other_form_of_a_large_payload(
     sizes = [one.scale for one in get_effect("hysteresis").parameters]
     table = with_effect(table, "hysteresis", friction * np.array(sizes))
     given = fit_model(table, "energy4", force=True).add("payload").fit(table)
-    assert find_missing(given, table).answer == answer
+    return find_missing(given, table)
+
+
+@pytest.mark.parametrize(("friction", "answer"), [(1.0, (("hysteresis",),)), (0.0, ())])
+def test_friction_that_shows_between_visits_is_no_other_form_of_a_large_payload(
+    friction: float, answer: tuple[tuple[str, ...], ...]
+) -> None:
+    """It explained less than a thirtieth of what the payload does, and no row could name it."""
+    assert friction_beside_a_payload(friction).answer == answer
+
+
+def test_a_set_between_visits_is_the_best_of_all_such_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two effects are chosen among many more pairs; rows of a slow noise are no visits any more."""
+    problem = friction_beside_a_payload(1.0).problem
+    one = next(c for c in problem.candidates if c.id == "hysteresis")
+    other = next(c for c in problem.candidates if c.effect.kind == "time" and c.id != one.id)
+    assert seen_in_repeats(problem, [one])
+    slow = replace(problem, noise=replace(problem.noise, slow=SlowPart((10.0,), (0.5,))))
+    assert not seen_in_repeats(slow, [one])
+    chance = 0.5 * problem.settings.level / len(problem.candidates)
+    monkeypatch.setattr(special, "chdtrc", lambda dof, squares: chance)
+    assert seen_in_repeats(problem, [one])
+    assert not seen_in_repeats(problem, [one, other])

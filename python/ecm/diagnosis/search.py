@@ -218,18 +218,20 @@ def follows_alone(effect: Effect, others: Sequence[Effect]) -> bool:
 def seen_in_repeats(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     """Whether effects of time show between visits to one pose beside a model's of the pose alone.
 
-    What the forms of these leave is the same at each visit.
+    What the forms of these leave is the same at each visit. In slow noise a row is what is new in
+    it since the one before, and two visits do not compare.
     """
     kinds = {item.effect.kind for item in chosen}, {effect.kind for effect in problem.holds}
-    if kinds != ({"time"}, {"pose"}) or problem.noise.is_assumed:
+    noise = problem.noise
+    if kinds != ({"time"}, {"pose"}) or noise.is_assumed or noise.slow is not None:
         return False
     cells = repeat_cells(problem.table)
     at = [column for item in chosen for column in item.columns]
     every = np.concatenate([problem.design[:, :, at], problem.response[:, :, None]], axis=2)
     apart = problem.flat(within_cells(every.reshape(len(cells), -1), cells)[0].reshape(every.shape))
     gain = apart[:, -1] @ apart[:, -1] - (rest_of(apart[:, :-1], apart[:, -1]) ** 2).sum()
-    chance = float(special.chdtrc(len(at), gain / problem.scale)) * len(problem.candidates)
-    return chance < problem.settings.level
+    sets = special.comb(len(problem.candidates), len(chosen))
+    return bool(special.chdtrc(len(at), gain / problem.scale) * sets < problem.settings.level)
 
 
 def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:
