@@ -203,6 +203,16 @@ def test_offset_and_drift_are_constant_in_body_axes(rows: Rows) -> None:
     np.testing.assert_allclose(settling, drift, rtol=1e-5)
 
 
+@pytest.mark.parametrize("more", [{}, {"first_run": 1.0, "since_s": 60.0}])
+def test_an_offset_that_acts_before_a_run_says_which_run_and_no_moment(
+    more: dict[str, float],
+) -> None:
+    """It was an offset in all rows, or after the moment, without a word."""
+    with pytest.raises(InputError, match="acts 'before' needs first_run, and no since_s"):
+        FtsOffset("before", **more)
+    assert FtsOffset("before", first_run=1.0).shape["first_run"] == 1.0
+
+
 def test_payload_weighs_in_base_axes_and_its_torque_turns(rows: Rows) -> None:
     mass, lever = 0.7, np.array([0.02, -0.01, 0.03])
     found = Payload().correction(rows, np.array([mass, *(mass * lever)]))

@@ -134,6 +134,8 @@ class FtsOffset(FromAMoment, CourseEffect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.acts == "before" and (self.first_run is None or self.since_s is not None):
+            raise InputError(f"effect {self.id}: acts 'before' needs first_run, and no since_s")
         if self.since_s is not None:
             self.kind = "time"
         if self.outputs is not None:
