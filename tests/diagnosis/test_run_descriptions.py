@@ -198,8 +198,25 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     assert found.addition is not None
     assert found.addition.remedy is not None
     assert "--remove fts_offset --add payload" in found.addition.remedy.command
+    assert "Add it: remove fts_offset, add payload" in found.report().text()
+    changes = {one["id"]: one.get("change") for one in found.to_dict()["effects"]}
+    assert changes["fts_offset"] is True
+    assert changes["payload"] is None
     mass = next(item for item in found.effects if item.id == "payload").values[0]
     assert mass == pytest.approx(0.5, abs=0.02)
+
+
+def test_other_values_alone_ask_for_a_fit_to_all_rows() -> None:
+    """Fitted to the new rows alone it would forget what the others said."""
+    given, before, _ = zero_in_place_of_a_payload()
+    zero = np.array([1.5, -1.0, 0.8, 0.03, -0.04, 0.05])
+    right = given.remove("fts_offset").add("payload").fit(before)
+    held = right.add("fts_offset").fit(before)
+    found = diagnose(held, with_effect(before, "fts_offset", zero))
+    assert found.answer == (("fts_offset",),)
+    assert found.effects[0].values == pytest.approx(zero, abs=0.3)
+    assert found.to_dict()["effects"][0]["change"] is True
+    assert found.summary().add.endswith("refit it to these rows together with those of its fit")
 
 
 def changes_offered(given: Model, table: Table) -> list[str]:

@@ -25,7 +25,7 @@ from ecm.diagnosis.next_experiment import (
     least_strength_seen,
     next_experiments,
 )
-from ecm.diagnosis.preparation import Prepared
+from ecm.diagnosis.preparation import OtherValues, Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     Ranked,
@@ -297,6 +297,9 @@ class Diagnosis(Shown):
         sentence = f"{known['model']['sentence']} {verdict_sentence(known)}{source_of_noise(known)}"
         head = {"schema": 1, "seed": self.seed, "sentence": sentence}
         partial = [item.id for item in self.effects] if self.unknown else []
+        changes = {item.id for item in self.effects if isinstance(item.effect, OtherValues)}
+        for one in known["effects"]:
+            one.update({"change": True} if one["id"] in changes else {})
         return head | known | {"partial": partial, "outliers": [row + 1 for row in self.outliers]}
 
 

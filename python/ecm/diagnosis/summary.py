@@ -309,7 +309,8 @@ def _add(document: Mapping[str, Any]) -> str:
     if not first and (addition := document.get("addition")) is not None:
         return _added(document, addition)
     if document["verdict"] in ("named", "ambiguous") and not first:
-        return "nothing: the model has it already; refit it to these rows"
+        rows = "these rows together with those of its fit"
+        return f"nothing: the model has it already; refit it to {rows}"
     if (remedy := document["model"].get("remedy")) is not None:
         return _command(remedy)
     if (document["unknown"] or {}).get("skeleton"):
@@ -504,7 +505,9 @@ def _addition(document: Mapping[str, Any]) -> list[Block]:
     addition = document.get("addition")
     if addition is None:
         return []
-    text = f"Add it: {' and '.join(addition['effects'])}"
+    text, way = f"Add it: {' and '.join(addition['effects'])}", addition["remedy"] or {}
+    if " --remove " in way.get("command", "") and not addition["refused"]:
+        text = f"Add it: {way['words']}"
     if addition["refused"]:
         text += f" cannot be added to this model: {addition['refused']}"
     elif brings := _fall_of_model(document):
