@@ -14,6 +14,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
+from ecm.models.controller import AdaptSettings
 from ecm.models.export import export, export_files
 from support.cortex_m import WARNINGS
 from support.exports import CompiledC, written
@@ -94,3 +95,22 @@ def test_a_column_that_sets_the_damping_stays_out_and_other_targets_fix_it(tmp_p
         export(scaled, "rust", tmp_path)
     assert f"--at {HUMID}=" in way_out(found.value).command
     export(scaled, "c", tmp_path)
+
+
+@pytest.mark.parametrize(("name", "to"), [("energy4", "c"), ("energy4", "rust"), ("cubic", "c")])
+def test_an_adapter_lacks_no_large_column_without_a_word(
+    name: str, to: str, tmp_path: Path
+) -> None:
+    """An adapter, which takes no column, was written without it; the way out is what holds it."""
+    model = fit_model(log((*POSE, *WRENCH)), name)
+    scaled = with_effects(model, (UnusedColumn(HUMID, 50.0, "scales", ",".join(WRENCH)), [-0.01]))
+    id = f"unused_column:{HUMID}"
+    large = {"effect_shares": {id: 0.3}, "effect_sizes": {id: 9.0}}
+    scaled = replace(scaled, training=scaled.training | large)
+    adapt = AdaptSettings(("payload",))
+    with pytest.raises(InputError, match=id) as found:
+        export(scaled, to, tmp_path, adapt=adapt)
+    command = way_out(found.value).command
+    assert command.startswith(f"ecm export MODEL --to {to} ")
+    assert f"--at {HUMID}=" in command
+    export(scaled.at({HUMID: 48.0}), to, tmp_path, adapt=adapt)

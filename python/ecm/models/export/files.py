@@ -294,7 +294,9 @@ def export_files(
             "wrench columns and no actuators; leave it out here"
         )
     _refuse_unused(loop, chosen.robot if follows or target not in ("c", "rust") else (), target)
-    timed = time_effects(model, chosen.language, recorded=chosen.recorded, columns=chosen.columns)
+    # An adapter steps alone, and nothing adds columns to what it says.
+    columns = chosen.columns and adapt is None
+    timed = time_effects(model, chosen.language, recorded=chosen.recorded, columns=columns)
     if timed.of_columns and timed.of_columns.effects:
         notes.append(
             f"{timed.of_columns.sentence(model.conditions)}: {name}_columns.h; a control loop "
