@@ -19,6 +19,7 @@ from ecm.effects.actuation import (
     PressureOffset,
     RegulatorLag,
 )
+from ecm.effects.beyond_physics import UnusedColumn
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -146,6 +147,41 @@ def test_recorded_inputs_are_stepped_in_c_as_in_a_log(
         code.value_and_stiffness(acting, other, slope)
         np.testing.assert_array_equal(k, slope)
     assert np.abs(expected - model.base.predict(recorded)).max() > 1e-3 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["actuated4", "quadratic"])
+def test_own_columns_beside_recorded_inputs_are_in_c_as_in_a_log(
+    table: Table, name: str, tmp_path: Path
+) -> None:
+    """What a column does is to the map at the recorded inputs, in a log and in C."""
+    log = a_log(table)
+    log = log.with_columns({"fan_rpm": 1500.0 + 700.0 * np.sin(log["time_s"] / 9.0)})
+    outputs, inputs = ",".join(WRENCH), ",".join(POSE)
+    scales = UnusedColumn("fan_rpm", 1400.0, "scales", outputs, 7.0), [1e-4]
+    adds = UnusedColumn("fan_rpm", 1400.0, "adds", outputs, 3.0), [1e-4] * 6
+    shifts = UnusedColumn("fan_rpm", 1500.0, "shifts", inputs), [1e-7] * 6
+    base = ecm.fit_model(table, name)
+    for i, own in enumerate((scales, adds, shifts)):
+        model = with_effects(base, *OF_INPUTS["all"], own)
+        exported = export_files(model, "c", "arm")
+        assert (exported.left_out, exported.lost) == ((), {})
+        folder = tmp_path / str(i)
+        written(model, folder, "c", name="arm")
+        sources = (folder / f"arm_{kind}.c" for kind in ("columns", "steps"))
+        code = CompiledC(*sources, folder / "arm.c", *WARNINGS, name="arm")
+        recorded = np.ascontiguousarray(log.matrix((*POSE, *PRESSURES)))
+        fan = np.ascontiguousarray(log.matrix(("fan_rpm",)))
+        expected = model.predict(log)
+        without = with_effects(base, *OF_INPUTS["all"]).predict(log)
+        assert np.abs(expected - without).max() > 1e-3 * np.abs(expected).max()
+        state, memory, h = np.zeros(64), np.zeros(8), np.zeros(6)
+        code.init(state, recorded[0])
+        code.columns_init(memory, fan[0])
+        dts = np.diff(log["time_s"], prepend=log["time_s"][0])
+        for row, dt, one, wrench in zip(recorded, dts, fan, expected, strict=True):
+            assert code.step(state, row, dt, h, None, None) == 1
+            assert code.columns_add(memory, row, one, dt, h, None) == 1
+            np.testing.assert_allclose(h, wrench, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("name", ["actuated4", "linear"])
