@@ -74,10 +74,12 @@ def _steps_as_predicted(model: Model, table: Table, folder: Path) -> None:
     for i, (pose, dt, own) in enumerate(zip(poses, dts, given, strict=True)):
         warm = np.array([table["temperature_degC"][i], 0.0])
         assert code.step(state, pose, dt, warm, h, k) == 1
-        saved, lost = memory.tobytes(), h.copy()
-        assert code.columns_add(memory, pose, np.full(len(columns), np.nan), dt, lost, k) == 0
-        assert np.isnan(lost).all()
-        assert memory.tobytes() == saved
+        saved, slope = memory.tobytes(), k.copy()
+        for wrong, lost in ((own * np.nan, h.copy()), (own, h * np.nan), (own, h + np.inf)):
+            assert code.columns_add(memory, pose, wrong, dt, lost, k) == 0
+            assert np.isnan(lost).all()
+            assert memory.tobytes() == saved
+        np.testing.assert_array_equal(k, slope)
         assert code.columns_add(memory, pose, own, dt, h, k) == 1
         np.testing.assert_allclose(h, expected[i], rtol=0.0, atol=1e-9 * np.abs(expected).max())
     assert np.abs(expected - model.base.predict(poses)).max() > 0.03 * np.abs(expected).max()
