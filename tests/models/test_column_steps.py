@@ -61,6 +61,7 @@ def test_own_columns_step_in_c_as_in_a_log(names: tuple[str, ...], tmp_path: Pat
 def _steps_as_predicted(model: Model, table: Table, folder: Path) -> None:
     exported = export_files(model, "c", "neck")
     assert (exported.left_out, exported.lost) == ((), {})
+    assert "scales and shifts the base alone" in str(exported.files["neck_columns.h"])
     written(model, folder, "c")
     code = CompiledC(folder / "neck_columns.c", folder / "neck.c", *WARNINGS, name="neck")
     columns = [item.effect.column for item in model.effects if hasattr(item.effect, "column")]
