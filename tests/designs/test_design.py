@@ -28,7 +28,7 @@ from ecm.designs import (
 )
 from ecm.designs.optimal import knee
 from ecm.designs.regressors import list_or_region, model_columns, regressor, row_list
-from ecm.effects import get_effect
+from ecm.effects import Rows, effect, get_effect, unregister
 from ecm.errors import DesignError, EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, POSE_OFFSETS, WRENCH
@@ -537,6 +537,17 @@ def test_a_model_of_three_forces_is_a_base_of_a_design() -> None:
     assert not payload.reason
     assert "torques" in taper.reason
     optimal_design(forces.poses, 30, DesignSettings(model="linear", iterations=3), base=nominal)
+
+    # An effect of one's own may give the measured columns alone, as in a fit.
+    @effect("hose", physics="A hose pulls.", parameters={"pull": "N"}, needs=("x_m",))
+    def hose(rows: Rows) -> F:
+        return np.ones((len(rows), 3))
+
+    try:
+        columns, _ = nominal.effect_columns(forces.poses, [get_effect("hose")])
+    finally:
+        unregister("hose")
+    np.testing.assert_array_equal(columns, np.ones((60, 3, 1)))
 
 
 def test_a_ridge_determines_what_few_poses_cannot() -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from ecm import _native
 from ecm._native import criteria, polynomial_regressor, rows_inside
 from ecm.effects import Effect, Rows
+from ecm.effects.protocol import jacobian_of
 from ecm.errors import DesignError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
@@ -109,9 +110,7 @@ class NominalModel:
             if effect.missing(rows.table) is not None:
                 continue
             variant = effect.variants(rows.table)[0]
-            blocks.append(
-                rows.of_own(variant.jacobian(rows.of_six, np.zeros(len(variant.parameters))))
-            )
+            blocks.append(jacobian_of(variant, rows))
             scales += [parameter.scale for parameter in variant.parameters]
         return np.concatenate(blocks, axis=2), np.asarray(scales)
 
