@@ -431,7 +431,8 @@ def regressor(
         known[: 1 if per_pose == 1 else 0] = 0.0
         prior = np.diag(known) if prior is None else prior + np.diag(known)
     if degree is None and per_pose < len(WRENCH):
-        # Three forces tell nothing of an energy's pure turns: the design is for what they tell.
+        # Fewer columns may tell nothing of some coefficients, as three forces of an energy's pure
+        # turns, or not tell some apart, as those of physics: the design is for what they tell.
         seen = seen_combinations(rows)
         rows, prior = rows @ seen, None if prior is None else seen.T @ prior @ seen
     return Regressor(

@@ -314,7 +314,6 @@ class GrowingLoad(Settling, CourseEffect):
         "readings with the sensor unloaded, at the start and at the end",
     )
     signature = "monotone in t, zero without the mechanism"
-    grows_with_time = True
     requires = (needs_varying("time_s", 1.0),)
     rivals = {"fts_drift": "zero_every_ten_poses"}
 
