@@ -61,7 +61,10 @@ def test_what_is_said_of_a_run_that_no_row_has_is_not_lost_without_a_word(tmp_pa
     path.write_text("time_s,theta_z_rad,tau_z_Nm\n0,0.0,0.0\n1,0.1,0.2\n2,0.2,0.4\n")
     path.with_suffix(".toml").write_text("[run.1]\npayload_mass_kg = 0.0\n")
     said = [one for one in read_table(path).warnings if "[run.1]" in one]
-    assert said == [f"{path}: no row is of [run.1]; the runs of this table are [run.0]"]
+    assert said == [
+        f"{path}: no row belongs to [run.1], so what it says is not used; this table has [run.0]. "
+        "Runs are counted in each table by itself"
+    ]
 
 
 @pytest.mark.parametrize("id", ["payload", "own_weight"])

@@ -62,6 +62,8 @@ def _steps_as_predicted(model: Model, table: Table, folder: Path) -> None:
     exported = export_files(model, "c", "neck")
     assert (exported.left_out, exported.lost) == ((), {})
     assert "scales and shifts the base alone" in str(exported.files["neck_columns.h"])
+    assert "neck_columns.h adds what columns of your own do: " in str(exported)
+    assert ". The control loop takes none of them. --at COLUMN=VALUE exports one" in str(exported)
     written(model, folder, "c")
     code = CompiledC(folder / "neck_columns.c", folder / "neck.c", *WARNINGS, name="neck")
     columns = [item.effect.column for item in model.effects if hasattr(item.effect, "column")]
@@ -116,4 +118,6 @@ def test_an_adapter_lacks_no_large_column_without_a_word(
     command = way_out(found.value).command
     assert command.startswith(f"ecm export MODEL --to {to} ")
     assert f"--at {HUMID}=" in command
-    export(scaled.at({HUMID: 48.0}), to, tmp_path, adapt=adapt)
+    said = export(scaled.at({HUMID: 48.0}), to, tmp_path, adapt=adapt).notes[-1]
+    assert said.startswith("The adapter takes each reading to have noise of 0.3 N, ")
+    assert said.endswith('too little ends in "diagnose" without a cause.')

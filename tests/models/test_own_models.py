@@ -52,6 +52,9 @@ def test_an_expression_and_a_function_fit_as_curve_fit_does(tmp_path: Path) -> N
     law = tmp_path / "law.toml"
     law.write_text(f'[expression]\nequations = "{SPRING}"\nparameters = {{ k = 1e3, c = 0.0 }}\n')
     assert ecm.fit(table, str(law)).base.values == pytest.approx(model.base.values, rel=1e-6)
+    law.write_text("[expression]\n")
+    with pytest.raises(InputError, match=r"^model '[^']*law.toml': \[expression\]: expected"):
+        ecm.fit(table, str(law))
     assert "k = 2002.55 +- 3.3" in model.fit_report()
     loaded = reread(model, tmp_path)
     np.testing.assert_array_equal(loaded.predict(table), model.predict(table))

@@ -266,7 +266,11 @@ def _without_rows(columns: Columns, meta: Meta, source: str) -> list[str]:
     own = np.unique(columns.get("run", np.zeros(1))).tolist()
     lost = ", ".join(f"[run.{number}]" for number in meta.runs if number not in own)
     known = ", ".join(f"[run.{number:g}]" for number in own)
-    return [f"{source}: no row is of {lost}; the runs of this table are {known}"] if lost else []
+    said = (
+        f"{source}: no row belongs to {lost}, so what it says is not used; this table has {known}. "
+        "Runs are counted in each table by itself"
+    )
+    return [said] if lost else []
 
 
 _UNSORTED = 0.1

@@ -43,15 +43,18 @@ class ColumnSteps:
         self.effects.append((effect, values))
         return ""
 
-    def sentence(self, ranges: Mapping[str, tuple[float, float]]) -> str:
-        """Which columns the files take, with what was measured of them."""
+    def sentence(self, ranges: Mapping[str, tuple[float, float]], header: str) -> str:
+        """Which columns a header takes, with what was measured of them, and the other way."""
         listed = ", ".join(
             f"{name} (measured from {ranges[name][0]:.4g} to {ranges[name][1]:.4g})"
             if name in ranges
             else name
             for name in self.names
         )
-        return f"Columns of your own, whose part of the wrench a function of its own adds: {listed}"
+        return (
+            f"{header} adds what columns of your own do: {listed}. The control loop takes none of "
+            "them. --at COLUMN=VALUE exports one at a fixed value instead."
+        )
 
     def constants(self) -> dict[str, str]:
         """Constants for the template in C."""

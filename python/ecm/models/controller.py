@@ -162,10 +162,10 @@ class AdaptSettings:
     def sentence(self) -> str:
         """The noise that one reading is taken to have, which exports say."""
         return (
-            f"What follows readings takes each to have noise of {self.force_sd_N:.3g} N, "
+            f"The adapter takes each reading to have noise of {self.force_sd_N:.3g} N, "
             f"{self.torque_sd_Nm:.3g} N m, {1e3 * self.position_sd_m:.3g} mm and "
             f"{1e3 * self.rotation_sd_rad:.3g} mrad. State yours in its settings: too much hides "
-            "jumps, too little ends in a diagnosis without cause."
+            'jumps, too little ends in "diagnose" without a cause.'
         )
 
     def _known(self, name: str) -> tuple[float, float, float, bool]:

@@ -480,7 +480,7 @@ class Expression(ModelSpecification):
         if not name.lower().endswith(".toml"):
             return None
         document = read_toml(Path(name), "description of a model")
-        return cls.from_dict(document.get("expression"), f"{name} [expression]")
+        return cls.from_dict(document.get("expression"), "[expression]")  # the caller says the file
 
     @staticmethod
     def from_dict(table: Any, where: str) -> Expression:

@@ -298,10 +298,7 @@ def export_files(
     columns = chosen.columns and adapt is None
     timed = time_effects(model, chosen.language, recorded=chosen.recorded, columns=columns)
     if timed.of_columns and timed.of_columns.effects:
-        notes.append(
-            f"{timed.of_columns.sentence(model.conditions)}: {name}_columns.h; a control loop "
-            "takes none. --at COLUMN=VALUE takes one at a fixed value instead."
-        )
+        notes.append(timed.of_columns.sentence(model.conditions, f"{name}_columns.h"))
     given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
     return replace(
         given,
