@@ -9,17 +9,16 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_287, 201),
+    "python/ecm": (44_404, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (35_724, 239),
+    "tests": (36_066, 239),
     "crates": (34_565, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. Read room by room for
-what stands twice, the package lost 232 lines and the tests 275. The last rise, within that:
-further causes beside the model's own effects (52 lines), names of tracked turns and ways out (56),
-a mass that is picked up (12), sizes beyond bounds and what a form may leave (30), own columns in C
-(90), exports at a moment and designs of three forces (30), and tests."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: changes
+of what a model holds on other rows (100 lines), own columns in C (90), exports at a moment and
+designs of three forces (30), eigenvalues of matrices on which the fast algorithm gives up (17), and
+tests; draws without a second rule of near rivals are 10 fewer."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,11 +98,7 @@ def svd(a: F) -> tuple[F, F, F]:
     try:
         u, values, vt = np.linalg.svd(a, full_matrices=False)
     except np.linalg.LinAlgError:
-        if not np.isfinite(a).all():
-            raise
-        import scipy.linalg  # noqa: PLC0415 - takes long to load
-
-        u, values, vt = scipy.linalg.svd(a, full_matrices=False, lapack_driver="gesvd")
+        u, values, vt = _slow("svd", a, full_matrices=False, lapack_driver="gesvd")
     return u, values, vt
 
 
@@ -116,12 +113,17 @@ def eigh(matrix: F) -> tuple[F, F]:
     try:
         values, vectors = np.linalg.eigh(matrix)
     except np.linalg.LinAlgError:
-        if not np.isfinite(matrix).all():
-            raise
-        import scipy.linalg  # noqa: PLC0415 - takes long to load
-
-        values, vectors = scipy.linalg.eigh(matrix, driver="ev")
+        values, vectors = _slow("eigh", matrix, driver="ev")
     return values, vectors
+
+
+def _slow(name: str, matrix: F, **options: Any) -> Any:
+    """Ask scipy where the fast algorithm gave up on finite numbers."""
+    if not np.isfinite(matrix).all():
+        raise np.linalg.LinAlgError("not finite")
+    import scipy.linalg  # noqa: PLC0415 - takes long to load
+
+    return getattr(scipy.linalg, name)(matrix, **options)
 
 
 def pinvh(matrix: F, rcond: float = 1e-15) -> F:
