@@ -406,14 +406,17 @@ def selection_shares(
 
 
 def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
-    """Yield (d, g) which groups are in a draw, as many draws as fit into the memory."""
+    """Yield (d, g) weights of the groups in a draw, as many draws as fit into the memory.
+
+    Those that are in it count for all: a price for each parameter would else favour few of them.
+    """
     rng = np.random.default_rng([seed, 5])
     # More than a fifth also where a quarter of few groups is rounded down to that.
     left_out = min(max(round(_LEFT_OUT * groups), groups // 5 + 1), groups - 1)
     for first in range(0, draws, _AT_ONCE):
         size = min(_AT_ONCE, draws - first)
         place = rng.random((size, groups)).argsort(axis=1).argsort(axis=1)
-        yield (place >= left_out).astype(np.float64)
+        yield (place >= left_out) * (groups / (groups - left_out))
 
 
 def _falls_of_draws(
