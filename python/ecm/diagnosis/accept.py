@@ -416,7 +416,7 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
     for first in range(0, draws, _AT_ONCE):
         size = min(_AT_ONCE, draws - first)
         place = rng.random((size, groups)).argsort(axis=1).argsort(axis=1)
-        yield (place >= left_out) * (groups / (groups - left_out))
+        yield np.where(place >= left_out, groups / (groups - left_out), 0.0)
 
 
 def _falls_of_draws(
