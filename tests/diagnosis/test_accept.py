@@ -121,21 +121,17 @@ def test_what_fails_by_itself_is_dropped_without_draws(
     assert beside == [0]
 
 
-def test_a_rival_that_wins_often_is_a_member_also_where_a_close_one_is(
+def test_rivals_that_win_draws_are_members_those_that_win_most_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """None of both is asked for alone: 0.56 of the draws, with them 0.83."""
     problem = softened()
-    wins = {"temperature_modulus": 0.56, "far": 0.19, "close": 0.08, "seldom": 0.01}
+    wins = {"seldom": 0.01, "less": 0.08, "temperature_modulus": 0.56, "more": 0.19}
     monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
-
-    def class_of(_: Problem, __: Any, item: Candidate, least_bic: float | None = None) -> list[str]:
-        return [item.id] if least_bic is None else [item.id, "seldom", "close"]
-
+    monkeypatch.setattr(accept_module, "confusion_class", lambda _, __, item: [item.id])
     chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
-    monkeypatch.setattr(accept_module, "confusion_class", class_of)
     accepted = accept_module.accept(problem, chosen)
-    assert accepted.classes == (("temperature_modulus", "far", "close"),)
+    assert accepted.classes == (("temperature_modulus", "more", "less"),)
     assert accepted.checks[0].chosen_share == pytest.approx(0.83)
 
 
@@ -145,7 +141,7 @@ def test_where_three_do_not_win_enough_the_class_is_as_long_as_it_must_be(
     """Something is missing for sure, and four look like it: no reason to know nothing of it."""
     problem = softened()
     chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
-    monkeypatch.setattr(accept_module, "confusion_class", lambda _, __, item, ___=None: [item.id])
+    monkeypatch.setattr(accept_module, "confusion_class", lambda _, __, item: [item.id])
     wins = {"a": 0.3, "temperature_modulus": 0.26, "b": 0.18, "c": 0.15, "d": 0.11}
     monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
     accepted = accept_module.accept(problem, chosen)

@@ -315,19 +315,16 @@ def confusion_class(
     problem: Problem,
     chosen: Sequence[Candidate],
     item: Candidate,
-    least_bic: float | None = None,
     most: int = MOST_IN_CLASS,
 ) -> list[str]:
     """Return the ids of an effect and of its rivals: near in BIC in its place, or not separable.
 
     Parameters
     ----------
-    least_bic
-        Loss of BIC within which a rival is a member; default: that of the settings.
     most
         Members of the class; of rivals that only look alike the nearest.
     """
-    least = problem.settings.least_bic if least_bic is None else least_bic
+    least = problem.settings.least_bic
     nearest = _Chosen(problem, chosen, item).rivals(least)
     plain = item.effect.plain_form()
     explains_more, by_far = own_sign(problem, chosen, item)
