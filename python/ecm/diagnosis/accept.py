@@ -38,6 +38,7 @@ from ecm.diagnosis.search import (
     without,
 )
 from ecm.diagnosis.settings import (
+    CHANCE_DEVIATIONS,
     DEFAULTS,
     FORM_SHARE,
     MOST_IN_CLASS,
@@ -72,8 +73,6 @@ CLOSE_BIC = 20.0
 RIVAL_SHARE = 0.02
 """A rival that wins more than this share of draws is a member. They differ less than bootstraps, of
 which it would win a tenth: by the root of a third of the deviations."""
-_CHANCE_DEVIATIONS = 1.645
-"""Standard deviations by which chance may hide what is left: 1 in 20."""
 _CONTENDER_SHARE = 0.3
 """A shape that explains less than this share of the chosen one wins no draw."""
 _RIDGED = 1.0 + RIDGE
@@ -131,24 +130,22 @@ class _Chosen:
         )
         return left / size if size > 0.0 else 1.0
 
-    def rivals(self, least: float) -> dict[str, float]:
+    def rivals(self) -> dict[str, float]:
         """Return the rivals with their least loss of BIC in its place, the nearest first.
 
-        Parameters
-        ----------
-        least
-            Loss below which each is a rival. A shape that a later run refutes never is.
+        A shape that a later run refutes never is one.
         """
         others = of_others(self.problem.offered, self.chosen)
         losses = self.bic - delta_bic_of_each(self.problem, self.others, others)
         nearest: dict[str, float] = {}
         for other, loss in zip(others, losses.tolist(), strict=True):
-            if self._is_rival(other, loss, least) and not self.is_refuted(other):
+            if self._is_rival(other, loss) and not self.is_refuted(other):
                 nearest[other.id] = min(loss, nearest.get(other.id, np.inf))
         return dict(sorted(nearest.items(), key=lambda pair: pair[1]))
 
-    def _is_rival(self, other: Candidate, loss: float, least: float) -> bool:
+    def _is_rival(self, other: Candidate, loss: float) -> bool:
         """Whether a shape loses little in its place, or cannot be told from it."""
+        least = self.problem.settings.least_bic
         if loss < least:
             return True
         why = self.problem.untestable.get(other.id)
@@ -175,7 +172,7 @@ class _Chosen:
         most = FORM_SHARE * self.bic
         if self.problem.noise.is_assumed:
             return most
-        chance = _CHANCE_DEVIATIONS * float(np.sqrt(2.0 * self.problem.size))
+        chance = CHANCE_DEVIATIONS * float(np.sqrt(2.0 * self.problem.size))
         left = max(0.0, left_beyond_noise(self.problem, self.chosen)) + chance
         return min(most, left / SEPARABLE)
 
@@ -324,14 +321,13 @@ def confusion_class(
     most
         Members of the class; of rivals that only look alike the nearest.
     """
-    least = problem.settings.least_bic
-    nearest = _Chosen(problem, chosen, item).rivals(least)
+    nearest = _Chosen(problem, chosen, item).rivals()
     plain = item.effect.plain_form()
     explains_more, by_far = own_sign(problem, chosen, item)
     if plain is not None and by_far:
         # They are of one form: what the form may leave says nothing about which of them it is.
         nearest.pop(plain.id, None)
-    near = [id for id, loss in nearest.items() if loss < least]
+    near = [id for id, loss in nearest.items() if loss < problem.settings.least_bic]
     # Rivals that only look alike, and lose in BIC: a long list names nothing.
     alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
@@ -573,6 +569,12 @@ def _held_first(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidat
     return found
 
 
+def _searched_without(problem: Problem, item: Candidate) -> tuple[Problem, tuple[Candidate, ...]]:
+    """Return the problem without an effect that is no candidate, and what is chosen there."""
+    problem = problem.without_effect(item.id)
+    return problem, _held_first(problem, search(problem, rank(problem)))
+
+
 def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
@@ -603,16 +605,14 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
             fit = _reached(problem, chosen)
             if fit is None:
                 weakest = min(chosen, key=lambda one: found[one.id][0].delta_bic)
-                problem = problem.without_effect(weakest.id)
-                chosen = _held_first(problem, search(problem, rank(problem)))
+                problem, chosen = _searched_without(problem, weakest)
                 continue
             pairs = [found[item.id] for item in chosen]
             classes, checks = tuple(own for _, own in pairs), tuple(c for c, _ in pairs)
             return Accepted(chosen, classes, checks, fit)
         checks = (found[item.id][0],) if item.id in found else ()
         if check.explained_in_bounds <= KEPT_WITHIN_BOUNDS:
-            problem = problem.without_effect(item.id)
-            chosen = _held_first(problem, search(problem, rank(problem)))
+            problem, chosen = _searched_without(problem, item)
         else:
             chosen = without(chosen, item)
     return Accepted(checks=checks)

@@ -32,6 +32,7 @@ from ecm.diagnosis.search import (
     bounded_estimate,
     delta_chi2,
 )
+from ecm.diagnosis.settings import CHANCE_DEVIATIONS
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F, lstsq, rest_of
 from ecm.io.columns import JOINTS, unit_of
@@ -44,8 +45,6 @@ _LEFT_SHARE = 0.15
 """Unknown beyond this share of the structure, less by what an effect must explain beyond another
 for each further one: right ones leave the misfit of their form, wrong ones come in numbers and
 leave more."""
-_LEFT_DEVIATIONS = 1.645
-"""Standard deviations by which that share must be exceeded."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Left
     allowed = max(allowed if effects else 0.0, ONE_CAUSE_SHARE * problem.held)
     # Chance adds to what is left: it must be more than the form of an effect may leave.
     spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
-    large = not (effects or problem.held) or after > allowed + _LEFT_DEVIATIONS * spread
+    large = not (effects or problem.held) or after > allowed + CHANCE_DEVIATIONS * spread
     p = min(test.p, float(special.chdtrc(max(1, int(fit.at_bound.sum())), fit.lost)))
     return Leftover(
         beyond_chance=after,

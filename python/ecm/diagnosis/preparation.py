@@ -141,13 +141,12 @@ def prepare(
     given = effects_of(unexplained, chosen_effects or None)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
-    offered = (own.get(effect.id, effect) for effect in given)
     return Prepared(
         table=table,
         unexplained=unexplained,
         rows=rows,
         copies=copies,
-        effects=tuple(one for one in offered if one.id in own or one.id not in of_model),
+        effects=tuple(own.get(e.id, e) for e in given if e.id in own or e.id not in of_model),
         of_model={effect.id: why for effect in given if effect.id in of_model},
         held=tuple(item.effect for item in model.effects),
         zero_columns=zeros,

@@ -297,9 +297,9 @@ class Diagnosis(Shown):
         sentence = f"{known['model']['sentence']} {verdict_sentence(known)}{source_of_noise(known)}"
         head = {"schema": 1, "seed": self.seed, "sentence": sentence}
         partial = [item.id for item in self.effects] if self.unknown else []
-        changes = {item.id for item in self.effects if isinstance(item.effect, OtherValues)}
-        for one in known["effects"]:
-            one.update({"change": True} if one["id"] in changes else {})
+        for item, one in zip(self.effects, known["effects"], strict=True):
+            if isinstance(item.effect, OtherValues):
+                one["change"] = True
         return head | known | {"partial": partial, "outliers": [row + 1 for row in self.outliers]}
 
 

@@ -76,7 +76,7 @@ class Estimate:
     @cached_property
     def covariance(self) -> F:
         """(k, k)."""
-        return np.asarray(pinvh(self.matrix))
+        return pinvh(self.matrix)
 
     def places(self, item: Candidate) -> list[int]:
         """Return where the coefficients of one effect are."""

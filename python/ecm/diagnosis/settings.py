@@ -16,6 +16,8 @@ SEPARABLE = 0.1
 FORM_SHARE = 0.06
 """Share that the form of a right effect may leave: a rival that looks alike and loses no more may
 be the truth."""
+CHANCE_DEVIATIONS = 1.645
+"""Standard deviations of what is left that may be chance: more is so in 1 of 20."""
 REFUTED_SHARE = 0.15
 """A later run refutes a rival that leaves this share of what the effect explains there."""
 REFUTED_BY = 12.0

@@ -63,12 +63,11 @@ class ColumnSteps:
         parts: dict[str, list[str]] = {"ADD": [], "SHIFT": []}
         for effect, values in self.effects:
             known = dict(zip(effect.outputs.split(","), values.tolist(), strict=False))
-            scales = effect.acts == "scales"
             rows["OF"].append(str(names.index(effect.column)))
             for key, value in (
                 ("TAU", effect.lag_s),
                 ("ZERO", effect.zero),
-                ("SHARE", float(values[0]) if scales else 0.0),
+                ("SHARE", float(values[0]) if effect.acts == "scales" else 0.0),
             ):
                 rows[key].append(f"R({float(value)!r})")
             for key, own, acts in (("ADD", outputs, "adds"), ("SHIFT", taken, "shifts")):

@@ -186,15 +186,15 @@ class Source:
 
         Lines that begin with `@+` stand only with a state, those with `@-` only without.
         """
-        templates = files("ecm.models.export") / "templates"
-        text, fade = ((templates / p).read_text("utf-8") for p in (path, "inputs/fade.c.txt"))
+        text = (files("ecm.models.export") / "templates" / path).read_text(encoding="utf-8")
+        if "@FADE@" in text:
+            text = text.replace("@FADE@", self.template("inputs/fade.c.txt").rstrip())
         keep, drop = ("@+", "@-") if self.has_state else ("@-", "@+")
         lines = text.split("\n")
         text = "\n".join(line.removeprefix(keep) for line in lines if not line.startswith(drop))
         common = {
             "NAME": self.name,
             "STEPS": str(int(self.has_state)),
-            "FADE": fade.rstrip(),
             "DOWN": " ".join(f"{x:.9g}" for x in self.model.scene.gravity_m_s2),
         }
         for key, value in {**(values or {}), **common}.items():
