@@ -201,7 +201,7 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     assert found.addition is not None
     assert found.addition.remedy is not None
     assert "--remove fts_offset --add payload" in found.addition.remedy.command
-    assert "Add it: remove fts_offset, add payload" in found.report().text()
+    assert "Add it: payload in place of fts_offset" in found.report().text()
     changes = {one["id"]: one.get("change") for one in found.to_dict()["effects"]}
     assert changes["fts_offset"] is True
     assert changes["payload"] is None

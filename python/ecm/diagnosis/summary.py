@@ -505,9 +505,9 @@ def _addition(document: Mapping[str, Any]) -> list[Block]:
     addition = document.get("addition")
     if addition is None:
         return []
-    text, way = f"Add it: {' and '.join(addition['effects'])}", addition["remedy"] or {}
-    if " --remove " in way.get("command", "") and not addition["refused"]:
-        text = f"Add it: {way['words']}"
+    text = f"Add it: {' and '.join(addition['effects'])}"
+    if addition["removed"]:
+        text += f" in place of {' and '.join(addition['removed'])}"
     if addition["refused"]:
         text += f" cannot be added to this model: {addition['refused']}"
     elif brings := _fall_of_model(document):

@@ -577,11 +577,14 @@ class Addition:
     """The command that adds them: to this model, else to one that holds them, or errs far less."""
     base: str | None = None
     """The base of the command where it is another one because that errs far less."""
+    removed: tuple[str, ...] = ()
+    """Effects of the model in whose place they come: beside them the rows do not need these."""
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""
         return {
             "effects": list(self.effects),
+            "removed": list(self.removed),
             "held_out": {"before": self.before, "after": self.after},
             "refused": self.refused,
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
@@ -631,7 +634,7 @@ def addition_to(
         return Addition(ids, None, None, said, way or remedy_of(error))
     before, after = (record.held_out for record in found.history[-2:])
     known = not found.noise.is_residual
-    removed = [item.id for item in model.effects if item.id not in present]
+    removed = tuple(item.id for item in model.effects if item.id not in present)
     words = [f"remove {' and '.join(removed)}"] if removed else []
     options = " ".join([*(f"--remove {id}" for id in removed), *(f"--add {id}" for id in ids)])
     command = Remedy(
@@ -649,6 +652,7 @@ def addition_to(
         refused="",
         remedy=better or command,
         base=other if better else None,
+        removed=removed,
     )
 
 
