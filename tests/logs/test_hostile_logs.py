@@ -145,6 +145,13 @@ def test_a_time_without_unit_is_said_to_be_in_seconds() -> None:
     assert "time, no unit stated, taken as s" in str(import_log({**JOINT, "time": ANGLE + 1.0}))
 
 
+def test_weeks_of_a_log_in_days_are_no_seconds() -> None:
+    aged = import_log({**JOINT, "time [d]": ANGLE + 1.0})
+    assert np.ptp(aged.table["time_s"]) == pytest.approx(86400.0 * np.ptp(ANGLE))
+    said = str(import_log({**JOINT, "time [fortnight]": ANGLE + 1.0}))
+    assert "time [fortnight], 'fortnight' is no unit that is known: taken as s" in said
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [

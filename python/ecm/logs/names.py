@@ -186,11 +186,14 @@ _NOT_MEASURED = frozenset(
 """Words of numbers that belong to a pose or wrench but are no reading of it."""
 
 
-_OF_CHAMBERS = {
+_OF_LOGS = {
+    "time": dict.fromkeys(("d", "day", "days"), 86400.0)
+    | dict.fromkeys(("week", "weeks"), 604800.0),
     "pressure": {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "mbar": 100.0, "bar": 1e5, "psi": 6894.757293},
     "volume": {"m3": 1.0, "cm3": 1e-6, "mm3": 1e-9, "l": 1e-3, "ml": 1e-6, "µl": 1e-9, "ul": 1e-9},
 }
-"""Units of pressures and volumes: of chambers, and of a stress."""
+"""Units of pressures and volumes, of chambers and of a stress, and of long times: `x_d` of a table
+is no time, nor is a column `day`."""
 _STRAINS = {"%": 0.01, "pct": 0.01, "percent": 0.01} | {
     word: factor
     for factor, words in (
@@ -214,21 +217,21 @@ _COUNTS = ("pose_id", "run", "repeat")
 
 
 def find_unit(word: str) -> Unit | None:
-    """Return the unit of a word, also of a pressure or a volume; None for no unit.
+    """Return the unit of a word, also of a pressure, a volume or days; None for no unit.
 
     Examples
     --------
     >>> find_unit("bar"), find_unit("N mm").factor
     (Unit(word='bar', dimension='pressure', factor=100000.0, offset=0.0), 0.001)
     """
-    return columns.find_unit(word) or _of_chambers(word)
+    return columns.find_unit(word) or _of_logs(word)
 
 
-def _of_chambers(word: str) -> Unit | None:
+def _of_logs(word: str) -> Unit | None:
     bare = word.strip(" []()")
     small = bare.lower().replace("³", "3").replace("^", "")
-    dimension = next((name for name, own in _OF_CHAMBERS.items() if small in own), "")
-    return Unit(bare, dimension, _OF_CHAMBERS[dimension][small]) if dimension else None
+    dimension = next((name for name, own in _OF_LOGS.items() if small in own), "")
+    return Unit(bare, dimension, _OF_LOGS[dimension][small]) if dimension else None
 
 
 def unknown_unit(column: str, log: Log) -> str:
@@ -399,7 +402,7 @@ def _of_material(tokens: Sequence[str], unit_word: str) -> Named | None:
             continue
         for word in (unit_word, *("".join(tokens[-size:]) for size in (2, 1))):
             small = _small(word)
-            factor = (_STRAINS if kind == "strain" else _OF_CHAMBERS["pressure"]).get(small)
+            factor = (_STRAINS if kind == "strain" else _OF_LOGS["pressure"]).get(small)
             if factor is not None:
                 return Named((Guess(kind),), Unit(word, kind, factor))
         return None if unit_word else Named((Guess(kind),))

@@ -424,8 +424,8 @@ def standard_columns(
     for name, entry in mapped.columns.items():
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         found[name] = entry.sign * values
-        words[name] = _words(entry)
         unknown = unknown_unit(entry.column, log)
+        words[name] = _words(entry, unknown)
         if unknown and find_unit(entry.unit.word) is not None:
             words[name] += f", '{unknown}' is no unit that is known: taken as {entry.unit.word}"
     notes = list(mapped.notes)
@@ -462,13 +462,14 @@ def standard_columns(
     return {name: found[name] for name in names}, words, notes, usable
 
 
-def _words(entry: Source) -> str:
+def _words(entry: Source, unknown: str) -> str:
     if entry.sign < 0.0:
-        return f"-1 * {_words(replace(entry, sign=1.0))}"
+        return f"-1 * {_words(replace(entry, sign=1.0), unknown)}"
     unit = entry.unit
     if unit.word == "" and unit.dimension in ("time", "temperature"):
         assumed = "s" if unit.dimension == "time" else "degC"
-        return f"{entry.column}, no unit stated, taken as {assumed}"
+        said = f"'{unknown}' is no unit that is known:" if unknown else "no unit stated,"
+        return f"{entry.column}, {said} taken as {assumed}"
     factor = "" if unit.factor == 1.0 else f" * {unit.factor:.6g}"
     offset = "" if unit.offset == 0.0 else f" {'+-'[unit.offset < 0]} {abs(unit.offset):.6g}"
     return f"{entry.column}{factor}{offset}"
