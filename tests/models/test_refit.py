@@ -279,3 +279,12 @@ def test_an_addition_stands_where_the_fit_without_what_changes_fails(
     frozen = addition_to(model.freeze("fts_drift"), table, effects)
     removed = ["--remove" in one.remedy.command for one in (found, frozen) if one and one.remedy]
     assert removed == [fails is None, False]
+
+
+def test_what_another_base_lacks_is_not_added_to_a_model_that_holds_it(measured: Table) -> None:
+    model = refit(fit_model(measured, "energy4"), measured, add="payload")
+    found = addition_to(model, measured, [get_effect("anisotropy")], against="energy5")
+    assert found is not None
+    assert found.before is not None
+    assert found.remedy is None
+    assert found.refused == "what it errs less with it may be chance"

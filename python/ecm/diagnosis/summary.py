@@ -278,11 +278,7 @@ def _sized(item: Mapping[str, Any], way: str | None = None) -> str:
 
 def _too_few(document: Mapping[str, Any]) -> bool:
     """Whether the rows are too few for base and effects: the error on held-out ones rises."""
-    return _rises(document["held_out"])
-
-
-def _rises(errors: Mapping[str, float]) -> bool:
-    return errors["after"] > errors["before"]
+    return bool(document["held_out"]["after"] > document["held_out"]["before"])
 
 
 def _fall(document: Mapping[str, Any]) -> str:
@@ -321,11 +317,11 @@ def _add(document: Mapping[str, Any]) -> str:
 def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
     """The command that adds effects, and what they bring: a remark, as a shell reads the line."""
     command = _command(addition["remedy"]) or _NOTHING
+    brings = _fall_of_model(document)
+    if brings and addition["remedy"] is None:
+        return f"nothing to this model, which errs no less with it: {brings}"
     if addition["refused"]:
         return f"{command}   # not to this model: the details say why"
-    brings = _fall_of_model(document)
-    if brings and not addition["base"] and _rises(addition["held_out"]):
-        return f"nothing to this model, which errs no less with it: {brings}"
     said = [addition["remedy"]["words"]] if addition["base"] else []
     said += [f"this model {brings}"] if brings else []
     return f"{command}   # {'; '.join(said)}" if said else command

@@ -368,15 +368,15 @@ def _another_base(fitted: Model, table: Table) -> Remedy:
         if found is not None:
             return found
     if stated:
-        return Remedy("leave out what was added, or add something else")
+        return Remedy("do without it, or add something else")
     if not six:  # no physics can tell the stiffness
         return Remedy(
             "first record what tells it from the stiffness, as NEXT of ecm diagnose says, or "
             "add it for predictions alone (ecm refit --force)"
         )
     return Remedy(
-        "leave out what was added, or describe the body in [mechanism] of the data's TOML: its "
-        "physics knows the stiffness"
+        "do without it, or describe the body in [mechanism] of the data's TOML: its physics knows "
+        "the stiffness"
     )
 
 
@@ -572,7 +572,7 @@ class Addition:
     after: float | None
     """The same with the effects."""
     refused: str
-    """Why `ecm refit` would refuse; empty where it adds them."""
+    """Why `ecm refit` would refuse, or that they bring nothing; empty where they are added."""
     remedy: Remedy | None
     """The command that adds them: to this model, else to one that holds them, or errs far less."""
     base: str | None = None
@@ -618,6 +618,7 @@ def addition_to(
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
+    most = np.inf
     try:
         found = _changed(model, table, new, (), (), with_ceiling=False)
         # Those whose values change may have stood for what is new: then they are no longer needed.
@@ -626,13 +627,15 @@ def addition_to(
             more, less = found.history[-1], fewer.history[-1]
             if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
+        most = found.history[-2].held_out
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
         if against and against != model.base.name:
-            way = remedy_with_base(against, [*present.values(), *new], table)
+            way = remedy_with_base(against, [*present.values(), *new], table, most)
         return Addition(ids, None, None, said, way or remedy_of(error))
-    before, after = (record.held_out for record in found.history[-2:])
+    first, last = found.history[-2:]
+    before, after = first.held_out, last.held_out
     known = not found.noise.is_residual
     removed = tuple(item.id for item in model.effects if item.id not in present)
     words = [f"remove {' and '.join(removed)}"] if removed else []
@@ -645,6 +648,10 @@ def addition_to(
     other, most = (against, after / _TIMES) if far else (richer, after)
     every = [*present.values(), *new]
     better = remedy_with_base(other, every, table, most) if other else None
+    no_less = after >= before or last.bic_fall(first) <= 0.0
+    if known and not better and no_less and against not in ("", model.name):
+        # It may hold already what the base lacks that they were named against.
+        return Addition(ids, before, after, "what it errs less with it may be chance", None)
     return Addition(
         ids,
         before if known else None,
