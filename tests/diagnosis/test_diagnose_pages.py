@@ -247,6 +247,14 @@ def test_nobody_is_told_to_add_what_lets_the_model_err_more(told: dict[str, Told
     assert Summary.of(held).add.startswith("nothing to this model")
 
 
+def test_the_first_line_has_no_number_that_the_data_hold_at_zero(told: dict[str, Told]) -> None:
+    """Its value and its deviation are those of the mass, times a rounding."""
+    document = json.loads(json.dumps(told["named"].document))
+    sizes = document["effects"][0]["parameters"]
+    sizes["mass_x"] |= {"value": 5e-9 * sizes["mass"]["value"], "sd": 4e-9 * sizes["mass"]["sd"]}
+    assert ", mass 0.2" in Summary.of(document).missing
+
+
 def test_without_details_three_lines_and_where_the_rest_is(
     tmp_path: Path, ecm_command: Command
 ) -> None:

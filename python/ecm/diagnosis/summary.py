@@ -62,6 +62,8 @@ _IN_SLOW_NOISE = "a pause, or the same motion again or at another speed"
 """What tells an effect from noise that changes slowly."""
 _SOME_UNTESTED = 3
 """Effects that cannot be tested which the first line names, in the order of the catalogue."""
+_NO_SIZE = 1e-3
+"""Share of a parameter's ordinary size that tells nothing, however small its deviation."""
 
 
 @dataclass(frozen=True)
@@ -262,10 +264,13 @@ def _untested(document: Mapping[str, Any]) -> str:
 def _sized(item: Mapping[str, Any], way: str | None = None) -> str:
     """An effect, what it is and its way, its best determined parameter, the times of its shape."""
     shape = item.get("shape", {})
-    what = with_shape(item["id"], shape).physics.split(":")[0].rstrip(".")
-    name, fitted = max(
-        item["parameters"].items(), key=lambda at: abs(at[1]["value"]) / max(at[1]["sd"], 1e-300)
-    )
+    effect = with_shape(item["id"], shape)
+    what = effect.physics.split(":")[0].rstrip(".")
+    # What these data do not tell is held near zero: its sd is that of the others, or rounding.
+    none = {p.name: _NO_SIZE * p.scale for p in effect.parameters}
+    fits = item["parameters"]
+    name = max(fits, key=lambda at: abs(fits[at]["value"]) / (fits[at]["sd"] + none[at]))
+    fitted = fits[name]
     words = what[:1].lower() + what[1:]
     size = f"{fitted['value']:.3g} +- {fitted['sd']:.2g}{behind(fitted['unit'])}"
     times = [
