@@ -143,6 +143,23 @@ def test_a_new_zero_of_the_sensor_is_named_with_its_moment(begins: int) -> None:
     assert abs(fitted.effect.shape["since_s"] - 60.0 * (begins - 0.5)) <= 120.0
 
 
+def test_a_sensor_that_is_mounted_again_is_named_with_its_moment() -> None:
+    """It was a motion of the base marker beside a slip of the platform."""
+    table = with_new_zero(120)
+    after = (np.arange(120) >= 70)[:, None]
+    turned, turn = Rotation.from_rotvec(table.poses[:, 3:]), Rotation.from_rotvec([0.06, 0.01, 0])
+    again = turned * turn * turned.inv()
+    loads = np.hstack(
+        [again.apply(part) for part in (table.wrenches[:, :3], table.wrenches[:, 3:])]
+    )
+    mounted = dict(zip(WRENCH, np.where(after, loads, table.wrenches).T, strict=True))
+    table = table.with_columns(mounted)
+    found = diagnose(fit_model(table, "energy6"), table)
+    assert found.answer == (("fts_frame",),), found.sentence()
+    assert found.effects[0].values[3] == pytest.approx(0.06, abs=4.0 * found.effects[0].sd[3])
+    assert abs(found.effects[0].effect.shape["since_s"] - 60.0 * 69.5) <= 120.0
+
+
 def test_a_zero_that_stays_is_none() -> None:
     table = with_new_zero(120)
     assert diagnose(fit_model(table, "energy6"), table).verdict == "none"

@@ -62,8 +62,6 @@ _IN_SLOW_NOISE = "a pause, or the same motion again or at another speed"
 """What tells an effect from noise that changes slowly."""
 _SOME_UNTESTED = 3
 """Effects that cannot be tested which the first line names, in the order of the catalogue."""
-_NO_SIZE = 1e-3
-"""Share of a parameter's ordinary size that tells nothing, however small its deviation."""
 
 
 @dataclass(frozen=True)
@@ -266,8 +264,8 @@ def _sized(item: Mapping[str, Any], way: str | None = None) -> str:
     shape = item.get("shape", {})
     effect = with_shape(item["id"], shape)
     what = effect.physics.split(":")[0].rstrip(".")
-    # What these data do not tell is held near zero: its sd is that of the others, or rounding.
-    none = {p.name: _NO_SIZE * p.scale for p in effect.parameters}
+    # What the data do not tell is held near zero, and its sd: a thousandth of its size is none.
+    none = {p.name: 1e-3 * p.scale for p in effect.parameters}
     fits = item["parameters"]
     name = max(fits, key=lambda at: abs(fits[at]["value"]) / (fits[at]["sd"] + none[at]))
     fitted = fits[name]

@@ -54,6 +54,27 @@ class FromAMoment(LinearEffect):
         return tuple(replace(shape, **{self.moment: time}) for time in times)
 
 
+@dataclass(eq=False)
+class OrSince(FromAMoment):
+    """What acts in all rows, or from the moment on at which it was mounted, or taken up."""
+
+    moment = "since_s"
+    moments = 3
+    """Few: a log of 30,000 rows takes a fifteenth longer with seven, and the best is refined."""
+    later = ""
+
+    since_s: float | None = optional(None)
+    """Time after which it acts."""
+
+    def __post_init__(self) -> None:
+        if self.since_s is not None:
+            self.kind, self.physics = "time", self.later
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """In all rows, and from a few moments on."""
+        return (type(self)(), *map(type(self), step_times(table, self.moments)))
+
+
 def twist(
     name: str, scale_m: float = 1e-4, most_m: float = 0.02, scale_rad: float = 2e-3
 ) -> tuple[Parameter, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import left_jacobians, mid_frame, rotation_matrices
-from ecm.effects.contact import FromAMoment
+from ecm.effects.contact import OrSince
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -17,14 +17,13 @@ from ecm.effects.protocol import (
     beside,
     listed,
     needs_full,
-    needs_varying,
     optional,
 )
 from ecm.effects.rod import POSE_STEP, rest_stiffness
 from ecm.io.arrays import F, central_differences
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
-from ecm.regression.history import approach_sides, step_times
+from ecm.regression.history import approach_sides
 from ecm.regression.rows import Rows
 
 _SIDES = 8
@@ -39,8 +38,7 @@ def needs_gravity(table: Table) -> Missing | None:
     return Missing("no gravity", "[scene] gravity_m_s2")
 
 
-@dataclass(eq=False)
-class Payload(FromAMoment):
+class Payload(OrSince):
     """-(m g, R c x m g), c the centre of mass in top axes; of a part from when it is picked up.
 
     A sensor zeroed with the payload reads zero at the zeroing pose R_z: B B_z' of the payload at
@@ -73,22 +71,7 @@ class Payload(FromAMoment):
         "fts_offset": "zero_without_payload",
         "pre_curvature": "remount_180",
     }
-    moment = "since_s"
-    moments = 3
-    """Few: a log of 30,000 rows takes a fifteenth longer with seven, and the best is refined."""
-
-    since_s: float | None = optional(None)
-    """Time after which it hangs there: what was picked up, or of a negative mass dropped."""
-
-    def __post_init__(self) -> None:
-        if self.since_s is not None:
-            self.kind = "time"
-            self.physics = "A mass at the platform was taken up or put down at one moment."
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """In all rows, and from a few moments on."""
-        moments = () if needs_varying("time_s", 1.0)(table) else step_times(table, self.moments)
-        return (Payload(), *map(Payload, moments))
+    later = "A mass at the platform was taken up or put down at one moment."
 
     def columns(self, rows: Rows) -> F:
         """Wrench per kg, and per kg m of mass times lever."""

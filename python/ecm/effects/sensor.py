@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm.effects.ageing import Settling, settled, settling_times
-from ecm.effects.contact import FromAMoment, twist
+from ecm.effects.contact import FromAMoment, OrSince, twist
 from ecm.effects.friction import Hysteresis
 from ecm.effects.pairs import on_output, parameters_of, short
 from ecm.effects.protocol import (
@@ -162,12 +162,11 @@ class FtsOffset(FromAMoment, CourseEffect):
             outputs = ",".join(table.wrench_columns)
             begins = [-1.0] * free + runs
             return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
-        moments = () if needs_varying("time_s", 1.0)(table) else step_times(table, self.moments)
         return (
             FtsOffset(),
             *[FtsOffset("mounted")] * free,
             *(FtsOffset(acts=acts, first_run=run) for run in runs for acts in ("always", "before")),
-            *(FtsOffset(since_s=moment) for moment in moments),
+            *(FtsOffset(since_s=moment) for moment in step_times(table, self.moments)),
         )
 
     def course(self, rows: Rows) -> F:
@@ -426,8 +425,10 @@ def _share_of_axis(i: int, j: int) -> Parameter:
     return Parameter(f"{AXES[i]}_from_{AXES[j]}", unit, scale)
 
 
-class FtsFrame(LinearEffect):
+class FtsFrame(OrSince):
     """The sensor is displaced by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, in body.
+
+    Or from a moment on, as after it was mounted again.
 
     Parameters: sensor_d*: displacement of the sensor along this axis; sensor_w*: its turn about
     this axis.
@@ -443,6 +444,7 @@ class FtsFrame(LinearEffect):
     signature = "torque proportional to lever times force; rotation mixes components"
     side = "measurement"
     rivals = dict.fromkeys(("tip_frame_misalignment", "fts_crosstalk"), "force_at_three_points")
+    later = "The sensor is shifted or turned from one moment on, as after a mounting."
 
     def columns(self, rows: Rows) -> F:
         """Change of the wrench per unit of d and w, in body axes turned to base axes."""
@@ -452,7 +454,8 @@ class FtsFrame(LinearEffect):
             columns[:, 3:, j] = np.cross(axis, in_top[:, :3])
             columns[:, :3, 3 + j] = np.cross(axis, in_top[:, :3])
             columns[:, 3:, 3 + j] = np.cross(axis, in_top[:, 3:])
-        return np.asarray(rows.base_from_top @ columns)
+        acts = 1.0 if self.since_s is None else rows.after(self.since_s)[:, None, None]
+        return np.asarray(rows.base_from_top @ columns * acts)
 
 
 @dataclass(eq=False)

@@ -424,10 +424,7 @@ def standard_columns(
     for name, entry in mapped.columns.items():
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
         found[name] = entry.sign * values
-        unknown = unknown_unit(entry.column, log)
-        words[name] = _words(entry, unknown)
-        if unknown and find_unit(entry.unit.word) is not None:
-            words[name] += f", '{unknown}' is no unit that is known: taken as {entry.unit.word}"
+        words[name] = _words(entry, unknown_unit(entry.column, log))
     notes = list(mapped.notes)
     usable = np.ones(len(log), dtype=bool)
     if mapped.rotation is not None:
@@ -465,14 +462,14 @@ def standard_columns(
 def _words(entry: Source, unknown: str) -> str:
     if entry.sign < 0.0:
         return f"-1 * {_words(replace(entry, sign=1.0), unknown)}"
-    unit = entry.unit
+    unit, said = entry.unit, f", '{unknown}' is no unit that is known: taken as "
     if unit.word == "" and unit.dimension in ("time", "temperature"):
         assumed = "s" if unit.dimension == "time" else "degC"
-        said = f"'{unknown}' is no unit that is known:" if unknown else "no unit stated,"
-        return f"{entry.column}, {said} taken as {assumed}"
+        return f"{entry.column}{said if unknown else ', no unit stated, taken as '}{assumed}"
     factor = "" if unit.factor == 1.0 else f" * {unit.factor:.6g}"
     offset = "" if unit.offset == 0.0 else f" {'+-'[unit.offset < 0]} {abs(unit.offset):.6g}"
-    return f"{entry.column}{factor}{offset}"
+    said = f"{said}{unit.word}" if unknown and find_unit(unit.word) is not None else ""
+    return f"{entry.column}{factor}{offset}{said}"
 
 
 def unwrap_angle(table: dict[str, NDArray[Any]], notes: list[str]) -> None:

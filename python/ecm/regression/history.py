@@ -213,8 +213,9 @@ def largest_so_far(table: Table, values: F, memory: str = "run", *, index: bool 
 
 
 def step_times(table: Table, count: int) -> tuple[float, ...]:
-    """Times that divide the rows of a table into count + 1 equal parts."""
-    time = np.sort(table.column("time_s"))
+    """Times that divide the rows of a table into count + 1 equal parts; none of one moment."""
+    time = np.sort(table.column("time_s")) if table.has("time_s") else np.zeros(0)
+    count = count if len(np.unique(time)) > 1 else 0
     at = [round(len(time) * (i + 1) / (count + 1)) for i in range(count)]
     result = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
     return tuple(float(t) for t in dict.fromkeys(result))
