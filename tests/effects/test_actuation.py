@@ -16,11 +16,13 @@ from ecm.effects.actuation import PressureGain, PressureHysteresis, RegulatorLag
 from ecm.effects.registry import effects_of_actuators
 from ecm.effects.relaxation import over_visits
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, rms
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, exchanged
+from ecm.models.joint_fit import FittedEffect, joint_fit
+from ecm.regression.noise import declared_noise
 from ecm.regression.rows import Rows
 from support.driven import (
     ARM,
@@ -62,6 +64,17 @@ def test_tendon_friction_is_named_by_its_growth_with_the_bend(
     assert [item.id for item in found.effects] == ["capstan_friction"]
     assert found.effects[0].effect.shape["actuator"] == "tension_2_N"
     assert found.effects[0].values[0] == pytest.approx(0.4, rel=0.2)
+
+
+def test_a_base_is_fitted_with_what_an_effect_adds_through_it(
+    pulled: Table, pulled_model: Model
+) -> None:
+    """Friction that stays leaves linear least squares of the base: the first step ends them."""
+    rubs = FittedEffect(get_effect("capstan_friction"), np.array([2.0]), np.zeros(1), frozen=True)
+    noise = declared_noise(ecm.as_table(pulled, meta={**ARM, "instrument": NOISE}))
+    fit = joint_fit(pulled_model.base, (rubs,), pulled, noise)
+    assert fit.converged
+    assert rms(fit.whitened) < 1.0
 
 
 @pytest.mark.parametrize("kind", ["pressure", "tension"])

@@ -73,12 +73,15 @@ class _OfActuator(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """G times the change."""
-        names = driven_by(rows.base)
-        if not names:
+        if not driven_by(rows.base):
             return np.zeros((len(rows), len(rows.base.outputs), 1))
+        return np.asarray(rows.actuation_jacobian @ self.moves(rows)[:, :, None])
+
+    def moves(self, rows: Rows) -> F:
+        """(N, a) the change, of the actuators that it concerns."""
+        names = driven_by(rows.base)
         change = self.change(rows, rows.table.matrix(names))
-        change = change * [name in self.concerned(names) for name in names]
-        return np.asarray(rows.actuation_jacobian @ np.nan_to_num(change)[:, :, None])
+        return np.nan_to_num(change * [name in self.concerned(names) for name in names])
 
     def concerned(self, names: Sequence[str]) -> list[str]:
         """The actuators among these whose input it changes."""

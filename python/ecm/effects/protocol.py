@@ -300,6 +300,10 @@ class Effect:
         """Which way it acts with these values, where its id leaves that open; here no words."""
         return ""
 
+    def moves(self, rows: Rows) -> F:
+        """(N, a) how far a value of 1 moves the inputs of the base's actuators; mostly 0."""
+        return np.zeros((len(rows), 1))
+
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) change of the predicted wrench for parameter values (k,); a subclass gives it."""
         raise NotImplementedError(f"effect {self.id} has no correction")

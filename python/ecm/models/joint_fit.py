@@ -28,7 +28,7 @@ from ecm.regression.noise import (
     reml_noise,
     shared_zero_error,
 )
-from ecm.regression.rows import Rows, is_whole
+from ecm.regression.rows import Rows, driven_by, is_whole
 from ecm.regression.slow_noise import SlowPart, Whitener, slow_part
 
 
@@ -73,6 +73,8 @@ _PARTS = 0.5 ** np.arange(8.0)
 """Parts of a step that are tried in turn."""
 _NO_WORSE = 1.0 + 1e-6
 """Squares that a step may leave over those before: the last steps change them by rounding."""
+_STEP = 1e-6
+"""Share of what effects move the base's inputs by, over which its columns are compared."""
 _RAN_AWAY = "the fit does not converge, its steps grow without end: fewer effects or a lower degree"
 
 
@@ -374,6 +376,12 @@ class _At:
     def _columns(self) -> F:
         """(N, m, k) derivative of the prediction; those of effects that are known are taken."""
         rows, blocks = self.rows, [base_columns(self.rows, self.base)] if self.free_base else []
+        # What effects add through the base's actuators changes with its coefficients as well.
+        if blocks and self.effects and (names := driven_by(self.base)):
+            moves = (item.values.sum() * item.effect.moves(rows.whole) for item in self.effects)
+            inputs = rows.table.matrix(names) + _STEP * rows.of_whole(sum(moves, np.zeros(1)))
+            there = rows.table.with_columns(dict(zip(names, inputs.T, strict=True)))
+            blocks[0] += (base_columns(replace(rows, table=there), self.base) - blocks[0]) / _STEP
         for item, own in zip(self.effects, self._left[1], strict=True):
             if not item.frozen:
                 blocks.append(jacobian_of(item.effect, rows, item.values) if own is None else own)
