@@ -98,9 +98,11 @@ def test_a_pressure_without_a_number_is_told_with_the_map_that_keeps_it() -> Non
     table = import_log(log, columns=columns, leave_out=True).table
     assert len(table) == 11
     assert table["pressure_1_Pa"][1] == pytest.approx(1e5 * ANGLE[1])
-    assert "without a number" not in str(
+    assert "not said of what" not in str(
         import_log({**JOINT, "P1 [bar]": ANGLE, "Air [mbar]": ANGLE})
     )
+    absolute = str(import_log({**JOINT, "P1 abs [kPa]": 101.3 + ANGLE}))
+    assert "counted from the air around it, it is --map 'pressure_1_Pa=P1 abs [kPa]'" in absolute
 
 
 def test_a_header_that_comes_again_is_no_row_and_no_value(tmp_path: Path) -> None:

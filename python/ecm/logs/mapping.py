@@ -254,14 +254,14 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
 def _unnumbered_pressures(
     left: Sequence[str], named: Mapping[str, Named], found: Mapping[str, Source]
 ) -> list[str]:
-    """What to say of pressures without a number: of a chamber, of the air, of a supply?"""
+    """What to say of pressures that may be of a chamber, of the air or of a supply."""
     if actuation_columns(found):
         return []
     stated = {name: find_unit(own.unit.word) for name in left if (own := named[name]).unit}
     pressures = [name for name, unit in stated.items() if unit and unit.dimension == "pressure"]
     return [
-        f"column '{name}' is a pressure without a number: of the chamber that "
-        f"drives the body it is --map {shlex.quote(f'pressure_{number}_Pa={name}')}"
+        f"column '{name}' is a pressure, not said of what: of a chamber that drives the body, "
+        f"counted from the air around it, it is --map {shlex.quote(f'pressure_{number}_Pa={name}')}"
         for number, name in enumerate(pressures, 1)
     ]
 
