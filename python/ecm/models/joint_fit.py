@@ -378,10 +378,12 @@ class _At:
         rows, blocks = self.rows, [base_columns(self.rows, self.base)] if self.free_base else []
         # What effects add through the base's actuators changes with its coefficients as well.
         if blocks and self.effects and (names := driven_by(self.base)):
-            moves = (item.values.sum() * item.effect.moves(rows.whole) for item in self.effects)
-            inputs = rows.table.matrix(names) + _STEP * rows.of_whole(sum(moves, np.zeros(1)))
-            there = rows.table.with_columns(dict(zip(names, inputs.T, strict=True)))
-            blocks[0] += (base_columns(replace(rows, table=there), self.base) - blocks[0]) / _STEP
+            moves = sum(item.values.sum() * item.effect.moves(rows.whole) for item in self.effects)
+            if np.any(moves):
+                inputs = rows.table.matrix(names) + _STEP * rows.of_whole(moves)
+                there = rows.table.with_columns(dict(zip(names, inputs.T, strict=True)))
+                moved = base_columns(replace(rows, table=there), self.base)
+                blocks[0] += (moved - blocks[0]) / _STEP
         for item, own in zip(self.effects, self._left[1], strict=True):
             if not item.frozen:
                 blocks.append(jacobian_of(item.effect, rows, item.values) if own is None else own)
