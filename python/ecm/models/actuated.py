@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -11,17 +12,25 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ecm.errors import InputError
-from ecm.io.arrays import F, svd
+from ecm.io.arrays import F, I, svd
 from ecm.io.columns import POSE, WRENCH, amount_columns
 from ecm.io.conventions import WrongConvention, entries_of, wrong_convention
-from ecm.io.events import Progress
+from ecm.io.events import Progress, tell_part
 from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.models.actuated_energy import ORDER, ActuatedMap, ActuatedTerms, kind_of, name_of
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.joint_fit import declared_or_fitted
 from ecm.models.layout import Layout, array, items, number, one_of, record, text
-from ecm.models.maps import SYMMETRIES, FittedMap, ModelSpecification, Symmetry, Weights, length_of
+from ecm.models.maps import (
+    SYMMETRIES,
+    FittedMap,
+    ModelSpecification,
+    StiffnessMap,
+    Symmetry,
+    Weights,
+    length_of,
+)
 from ecm.models.partial import fit_measured, is_partial, measured_part, need_pose
 from ecm.regression.noise import whiteners
 from ecm.regression.rows import Rows, inputs_of, taken_by
@@ -226,18 +235,43 @@ class ActuatedModel(ModelSpecification):
             left = amounts - fitted.amounts(rows)[:, of] if of else amounts
             sd = np.maximum(left.std(axis=0), _LEAST_SHARE * spreads[1])
 
-            def solve(poses: F, moved: F, noisy: F, sd: F = sd) -> tuple[ActuatedMap, F, float]:
-                at = np.hstack([poses, rows[:, 6:]])
+            def solve(at: F, moved: F, noisy: F, sd: F = sd) -> tuple[ActuatedMap, F, float]:
                 return _fitted(base, at, moved, whiteners(noisy), amounts, sd, of)
 
             # By the weights alone first: from the fit by spreads poses may run away.
-            whitener = noise.covariance(Rows(table, fitted))
-            fitted, covariance, variance = solve(rows[:, :6], wrenches, whitener)
-            found = fit_with_pose_noise(table, fitted, noise, AllRows(solve), progress=progress)
+            covariances = noise.covariance(Rows(table, fitted))
+            fitted, covariance, variance = solve(rows, wrenches, covariances)
+            family = AllRows(solve) if of else _Triangles(base)
+            found = fit_with_pose_noise(table, fitted, noise, family, progress=progress)
             if not found.converged:
-                found = FittedMap(fitted, noise, covariance, variance)
+                found = FittedMap(fitted, noise, covariance, variance, converged=False)
             fitted = cast(ActuatedMap, found.base)
         return found
+
+    def maps_without(
+        self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
+    ) -> list[StiffnessMap] | None:
+        """From the fit to all rows on; None with amounts, or where no noise is known."""
+        if is_partial(table) or amount_columns(table.columns):
+            return None
+        whole = self.fit_map(table, "auto")
+        start, noise, count = cast(ActuatedMap, whole.base), whole.noise, int(fold.max()) + 1
+        if noise.source != "declared":
+            return None
+        family = _Triangles(start)
+
+        def without(part: int) -> StiffnessMap:
+            tell_part(progress, part, count, "the rows without one part")
+            others = table.select(fold != part)
+            if whole.converged:
+                found = fit_with_pose_noise(others, start, noise, family, near=True)
+                return found.base if found.converged else self.fit_map(others, "noise").base
+            inputs, covariances = inputs_of(start, others), noise.covariance(Rows(others, start))
+            return family.solve(
+                None, [family.reduce(None, inputs, others.wrenches, covariances)], len(others)
+            )[0]
+
+        return [without(part) for part in range(count)]
 
     def empty_map(self, rows: F, length_m: float, actuators: tuple[str, ...]) -> ActuatedMap:
         """The map whose coefficients are all 0, in the scales of rows (N, 6 + m)."""
@@ -308,14 +342,29 @@ def _fitted(
     amounts, amount_sd, of
         (N, v), (v,), and the v actuators whose amounts they are.
     """
-    k = len(base.coefficients)
-    design = (whitener @ base.columns(rows)).reshape(-1, k)
-    target = np.einsum("nij,nj->ni", whitener, wrenches).ravel()
+    design, target = _equations(base, rows, wrenches, whitener)
     if of:
         columns = np.concatenate(base.amount_columns(rows), axis=2)[:, of] / amount_sd[:, None]
         design = np.hstack([design, np.zeros((len(design), len(base.pure_J)))])
         design = np.vstack([design, columns.reshape(-1, design.shape[1])])
         target = np.append(target, (amounts / amount_sd).ravel())
+    return _solved(base, _triangle(design, target), len(target))
+
+
+def _equations(base: ActuatedMap, rows: F, wrenches: F, whitener: F) -> tuple[F, F]:
+    """Whitened columns (6 N, k) and wrenches (6 N,)."""
+    design = (whitener @ base.columns(rows)).reshape(-1, len(base.coefficients))
+    return design, np.einsum("nij,nj->ni", whitener, wrenches).ravel()
+
+
+def _triangle(design: F, target: F) -> F:
+    """What a fit needs of any number of equations: the triangle of their columns and target."""
+    return np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"))
+
+
+def _solved(base: ActuatedMap, triangle: F, equations: int) -> tuple[ActuatedMap, F, float]:
+    """Map, covariance (k, k) and variance of as many equations with this triangle."""
+    k, design, target = len(base.coefficients), triangle[:, :-1], triangle[:, -1]
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
     u, s, vt = svd(design / size)
@@ -324,10 +373,29 @@ def _fitted(
     # Directions that the rows do not tell stay at zero.
     solution = inverse @ (u[:, known].T @ target) / size
     left = target - design @ solution
-    variance = float(left @ left) / max(len(target) - int(known.sum()), 1)
+    variance = float(left @ left) / max(equations - int(known.sum()), 1)
     covariance = (inverse @ inverse.T) / np.outer(size, size)
-    pure = solution[k:] if of else base.pure_J
+    pure = solution[k:] if len(solution) > k else base.pure_J
     return replace(base, coefficients=solution[:k], pure_J=pure), covariance[:k, :k], variance
+
+
+@dataclass(frozen=True)
+class _Triangles:
+    """Generalised least squares of a map without amounts, block by block."""
+
+    base: ActuatedMap
+
+    def frame(self, poses: F) -> None:
+        """Nothing is shared: the scales are those of the map."""
+
+    def reduce(self, frame: None, poses: F, wrenches: F, covariance: F) -> F:
+        """The triangle of a block of rows (N, 6 + m)."""
+        return _triangle(*_equations(self.base, poses, wrenches, whiteners(covariance)))
+
+    def solve(self, frame: None, parts: Sequence[F], rows: int) -> tuple[ActuatedMap, F, float]:
+        """The fit of the blocks."""
+        every = np.concatenate(parts)
+        return _solved(self.base, _triangle(every[:, :-1], every[:, -1]), len(WRENCH) * rows)
 
 
 @dataclass(frozen=True)

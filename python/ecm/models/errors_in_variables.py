@@ -234,7 +234,8 @@ class _NoisyRows:
         """Part of the linear fit."""
         rows = self.under(base)
         moved = self.wrenches - np.einsum("nij,nj->ni", rows.acting_stiffness, self.shift)
-        return family.reduce(frame, self.poses, moved, noise.covariance(rows))
+        inputs = np.hstack([self.poses, self.driven])
+        return family.reduce(frame, inputs, moved, noise.covariance(rows))
 
     def moved(self, base: StiffnessMap, noise: Noise) -> _NoisyRows:
         """The rows with each pose where it most likely was under a map."""
