@@ -306,9 +306,12 @@ class ActuatedMap(SixAxisMap):
         """(N, 6, k) wrench of each coefficient."""
         at, a = self._split(poses)
         regressor = self.terms.of_pose.regressor(at, self.scale)
-        return self._combined(
-            lambda product, expansion: power_of(a, product)[:, None, None] * (regressor @ expansion)
-        )
+
+        def of(product: tuple[int, ...], expansion: F) -> F:
+            used = expansion.any(axis=1)  # a few monomials of all
+            return power_of(a, product)[:, None, None] * (regressor[..., used] @ expansion[used])
+
+        return self._combined(of)
 
     def further_columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each coefficient of an energy of one degree more."""
