@@ -10,6 +10,7 @@ import pytest
 
 import ecm
 from ecm.diagnosis import diagnose
+from ecm.diagnosis.family import posterior
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.search import rank, search
 from ecm.effects import effects_of
@@ -39,6 +40,22 @@ def read(poses: int, times: int, acting: Callable[[F], F], seed: int) -> Table:
     return ecm.as_table(columns, meta={**ARM, "instrument": FIGURES})
 
 
+def moving(seed: int) -> Table:
+    """Forces alone along a smooth way of poses and pressures; the plant is that of `read`."""
+    random, time_s = np.random.default_rng(seed), 0.2 * np.arange(600.0)
+    rows = arm_table().matrix((*POSE, *PRESSURES))
+    waves = [
+        np.sin(2.0 * np.pi * time_s / random.uniform(6.0, 30.0) + random.uniform(0.0, 6.3))
+        for _ in range(9)
+    ]
+    half = 0.4 * np.ptp(rows, axis=0)
+    at = 0.5 * (rows.min(axis=0) + rows.max(axis=0)) + half * np.stack(waves, axis=1)
+    forces = fit_model(arm_table(), "actuated5").predict(at[:, :6], at[:, 6:])[:, :3]
+    forces = forces + 0.002 * forces.std(axis=0) * random.standard_normal(forces.shape)
+    columns = dict(zip((*POSE, *PRESSURES, *WRENCH[:3]), np.hstack([at, forces]).T, strict=True))
+    return ecm.as_table({"time_s": time_s, **columns}, meta=ARM)
+
+
 def off(by_Pa: float) -> Callable[[F], F]:
     """The second pressure is off by a constant."""
     return lambda inputs: inputs + by_Pa * np.array([0.0, 1.0, 0.0])
@@ -47,6 +64,13 @@ def off(by_Pa: float) -> Callable[[F], F]:
 def named(table: Table, model: str = "actuated4") -> tuple[str, list[tuple[str, ...]]]:
     found = diagnose(fit_model(table, model, force=True), table)
     return found.verdict, [tuple(members) for members in found.answer]
+
+
+def test_a_degree_that_a_base_of_pressures_lacks_is_no_memory_of_a_log() -> None:
+    """Along a smooth way the past follows what a plain base of pose and pressures leaves."""
+    table = moving(2)
+    chances = posterior(assemble(fit_model(table, "actuated4", force=True).base, table, []))
+    assert chances.of_pose > 0.9
 
 
 @pytest.mark.parametrize("poses", [30, 40])

@@ -31,11 +31,13 @@ from ecm.effects.sensor import warmth_of
 from ecm.io.arrays import F, eigh, evenly, rms, rms_of_columns, svd
 from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.table import Table
+from ecm.models.actuated import ActuatedMap
+from ecm.models.joint_fit import further_columns
 from ecm.models.maps import EnergyMap
 from ecm.models.partial import whole_map
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, has_order, largest_so_far, row_before, speeds
-from ecm.regression.rows import Rows
+from ecm.regression.rows import Rows, driven_by
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
@@ -440,7 +442,9 @@ def _of_pose(problem: Problem) -> Iterator[F]:
     is much like the deflection itself; and readings that mix axes: those of a skewed body do.
     """
     rows = problem.rows
-    at = rows.poses - rows.middle_pose
+    # A base of actuators errs in what drives it as well.
+    driven = rows.table.matrix(driven_by(problem.base))
+    at = np.hstack([rows.poses - rows.middle_pose, driven - driven.mean(axis=0)])
     at = at / (rms_of_columns(at) + 1e-12)
     some = at[np.random.default_rng(0).permutation(len(at))[:40]]
 
@@ -461,6 +465,9 @@ def _of_pose(problem: Problem) -> Iterator[F]:
             columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
             columns = problem.whitener.each @ columns
             yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
+    if isinstance(base, ActuatedMap):
+        columns = problem.whitener.each @ further_columns(rows, problem.base)
+        yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
 
 
 def _sizes_of_load(rows: Rows) -> list[F]:
