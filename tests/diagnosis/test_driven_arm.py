@@ -68,7 +68,7 @@ def named(table: Table, model: str = "actuated4") -> tuple[str, list[tuple[str, 
 
 def test_a_degree_that_a_base_of_pressures_lacks_is_no_memory_of_a_log() -> None:
     """Along a smooth way the past follows what a plain base of pose and pressures leaves."""
-    table = moving(2)
+    table = moving(3)
     chances = posterior(assemble(fit_model(table, "actuated4", force=True).base, table, []))
     assert chances.of_pose > 0.9
 
