@@ -276,7 +276,7 @@ class Comparison(Shown):
             figures = ", ".join(lacking_figures(made.table, columns)) or "figures"
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "
-                f"spread; without repeats or [instrument] {figures} nothing says how much of it "
+                f"spread; without enough repeats or [instrument] {figures} nothing says how much of it "
                 f"is noise.{part}"
             )
         where = {"repeats": "from repeats", "declared": "as declared"}
