@@ -37,7 +37,7 @@ from ecm.models.maps import EnergyMap
 from ecm.models.partial import whole_map
 from ecm.regression.f_test import orthonormal
 from ecm.regression.history import before_each, has_order, largest_so_far, row_before, speeds
-from ecm.regression.rows import Rows, driven_by
+from ecm.regression.rows import Rows, inputs_of
 
 _SIZES = np.geomspace(0.1, 30.0, 13)
 """Rms of a process over the noise, each as likely."""
@@ -443,7 +443,7 @@ def _of_pose(problem: Problem) -> Iterator[F]:
     """
     rows = problem.rows
     # A base of actuators errs in what drives it as well.
-    driven = rows.table.matrix(driven_by(problem.base))
+    driven = inputs_of(problem.base, rows.table)[:, rows.poses.shape[1] :]
     at = np.hstack([rows.poses - rows.middle_pose, driven - driven.mean(axis=0)])
     at = at / (rms_of_columns(at) + 1e-12)
     some = at[np.random.default_rng(0).permutation(len(at))[:40]]
