@@ -9,16 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_403, 201),
+    "python/ecm": (44_478, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (36_075, 239),
+    "tests": (36_135, 239),
     "crates": (34_565, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: changes
-of what a model holds on other rows (100 lines), own columns in C (90), exports at a moment and
-designs of three forces (30), eigenvalues of matrices on which the fast algorithm gives up (17), and
-tests; draws without a second rule of near rivals are 10 fewer."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: fits of
+models of actuators from those of all rows on (50 lines), what an effect moves their inputs by (12),
+a sensor that is mounted again and days in logs (15), and tests."""
 
 
 @pytest.mark.parametrize("part", PARTS)
