@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +16,15 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.models import Model, PolynomialModel, fit
+from ecm.models import Model, PolynomialModel, actuated, fit
 from ecm.models.actuated import ActuatedMap, ActuatedModel, ActuatedTerms, WallStiffness
+from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.evaluation import pose_error
+from ecm.models.maps import FittedMap
 from ecm.models.selection import choose_model, default_candidates
 from ecm.regression.rows import inputs_of
 from ecm.workflow.config import read_config
-from support.driven import ARM, PRESSURES, VOLUMES, arm_table, measured
+from support.driven import ARM, NOISE, PRESSURES, VOLUMES, arm_table, measured
 from support.models import reread
 from support.neck import ROOT, Command, way_out
 
@@ -66,6 +70,30 @@ def share_of_spread(model: Model, fresh: Table) -> F:
     """(6,) root of the mean square of the error on fresh rows, over their spread."""
     left = model.predict(fresh) - fresh.wrenches
     return np.asarray(np.sqrt((left**2).mean(axis=0)) / fresh.wrenches.std(axis=0))
+
+
+@pytest.mark.parametrize(("ends", "most"), [(True, 1e-3), (False, 0.01)])
+def test_the_parts_of_a_fit_begin_at_that_to_all_rows_and_end_as_if_they_did_not(
+    table: Table, monkeypatch: pytest.MonkeyPatch, ends: bool, most: float
+) -> None:
+    """Also where poses run away, and the fit is that by the weights alone."""
+
+    def runs_away(*arguments: Any, **options: Any) -> FittedMap:
+        return replace(fit_with_pose_noise(*arguments, **options), converged=ends)
+
+    monkeypatch.setattr(actuated, "fit_with_pose_noise", runs_away)
+    fold = np.arange(len(table)) % 4
+    of_pose = {"pose_position_sd_m": 2e-5, "pose_rotation_sd_rad": 2e-4}
+    meta = {**ARM, "instrument": {**NOISE, **of_pose}}
+    read = ecm.as_table(table.drop(*VOLUMES), meta=meta)
+    found = ActuatedModel(3).maps_without(read, fold, None)
+    assert found is not None
+    for part, near in enumerate(found):
+        plain = ActuatedModel(3).fit_map(read.select(fold != part), "auto")
+        assert plain.converged == ends
+        at = inputs_of(plain.base, read)
+        apart = (near.predict(at) - plain.base.predict(at)) / read.wrenches.std(axis=0)
+        assert np.sqrt((apart**2).mean()) < most
 
 
 def test_sixty_rows_are_fitted_ten_times_better_than_by_a_polynomial(

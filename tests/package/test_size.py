@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (44_478, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (36_135, 239),
+    "tests": (36_158, 239),
     "crates": (34_565, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: fits of
