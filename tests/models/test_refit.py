@@ -288,3 +288,17 @@ def test_what_another_base_lacks_is_not_added_to_a_model_that_holds_it(measured:
     assert found.before is not None
     assert found.remedy is None
     assert found.refused == "what it errs less with it may be chance"
+
+
+def test_an_addition_is_weighed_on_its_own_rows_and_not_on_those_of_the_last_fit(
+    measured: Table,
+) -> None:
+    """More rows have more squares, whatever is added."""
+    rows = np.arange(len(measured)) % 4 == 0
+    model = refit(fit_model(measured, "energy4"), measured.select(rows), add="payload", force=True)
+    pushed = measured.with_columns({"fy_N": measured["fy_N"] + 1.0})
+    found = addition_to(model, pushed, [get_effect("fts_offset")], against="energy5")
+    plain = model.fit(pushed)
+    assert found is not None
+    assert found.remedy is not None
+    assert (found.refused, found.before) == ("", pytest.approx(plain.history[-1].held_out))

@@ -276,8 +276,8 @@ class Comparison(Shown):
             figures = ", ".join(lacking_figures(made.table, columns)) or "figures"
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {name}, {share:.3g} % of its "
-                f"spread; without enough repeats or [instrument] {figures} nothing says how much of it "
-                f"is noise.{part}"
+                f"spread; without enough repeats or [instrument] {figures} nothing says how much "
+                f"of it is noise.{part}"
             )
         where = {"repeats": "from repeats", "declared": "as declared"}
         times = f"{self.whitened_rms:.2f} times the noise floor {where[self.noise.source]}"

@@ -465,7 +465,7 @@ def _of_pose(problem: Problem) -> Iterator[F]:
             columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
             columns = problem.whitener.each @ columns
             yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
-    if isinstance(base, ActuatedMap):
+    if isinstance(base, ActuatedMap) and base.terms.body != "general":
         columns = problem.whitener.each @ further_columns(rows, problem.base)
         yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
 

@@ -203,25 +203,12 @@ class ActuatedModel(ModelSpecification):
         need_pose(table, self.name)
         rows = table.matrix((*POSE, *actuation))
         base = self.empty_map(rows, length_of(table, self.name), actuation)
-        terms = base.terms
-        moved, kinds = np.ptp(rows[:, 6:], axis=0) > 0.0, np.array(terms.kinds)
-        for i, name in enumerate(actuation):
-            # Without symmetry no other actuator tells what this one does.
-            if not np.any(moved[i] if self.symmetry == "general" else moved[kinds == kinds[i]]):
-                raise InputError(
-                    f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
-                    "what it does; give rows in which it varies, or leave the column out"
-                )
+        self._refuse_unmoved(table, base)
         if is_partial(table):  # as an energy of the pose: amounts are not taken
             return fit_measured(base, table, weights == "spread", progress)
         wrenches = table.wrenches
         amounts, of = _measured_amounts(table, actuation)
-        equations = len(table) * (6 + len(of))
-        if equations < terms.count() + (len(base.pure_J) if of else 0):
-            raise InputError(
-                f"{table.source}: {self.name} has {terms.count()} coefficients, {len(table)} rows "
-                f"give {equations} equations: give more rows, or take a lower degree"
-            )
+        _refuse_few(table, base, len(of))
         spreads = [_spread(values) for values in (wrenches, amounts)]
         whitener = np.broadcast_to(np.diag(1.0 / spreads[0]), (len(table), 6, 6))
         fitted, covariance, variance = _fitted(
@@ -248,6 +235,20 @@ class ActuatedModel(ModelSpecification):
             fitted = cast(ActuatedMap, found.base)
         return found
 
+    def _refuse_unmoved(self, table: Table, base: ActuatedMap) -> None:
+        """Raise InputError where nothing tells what an actuator does."""
+        moved, kinds = (
+            np.ptp(table.matrix(base.actuators), axis=0) > 0.0,
+            np.array(base.terms.kinds),
+        )
+        for i, name in enumerate(base.actuators):
+            # Without symmetry no other actuator tells what this one does.
+            if not np.any(moved[i] if self.symmetry == "general" else moved[kinds == kinds[i]]):
+                raise InputError(
+                    f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
+                    "what it does; give rows in which it varies, or leave the column out"
+                )
+
     def maps_without(
         self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
@@ -263,6 +264,8 @@ class ActuatedModel(ModelSpecification):
         def without(part: int) -> StiffnessMap:
             tell_part(progress, part, count, "the rows without one part")
             others = table.select(fold != part)
+            self._refuse_unmoved(others, start)
+            _refuse_few(others, start)
             if whole.converged:
                 found = fit_with_pose_noise(others, start, noise, family, near=True)
                 return found.base if found.converged else self.fit_map(others, "noise").base
@@ -303,6 +306,16 @@ class ActuatedModel(ModelSpecification):
         return record(own, others=True)
 
     map_from_document = staticmethod(ActuatedMap.from_document)
+
+
+def _refuse_few(table: Table, base: ActuatedMap, amounts: int = 0) -> None:
+    """Raise InputError where the rows give fewer equations than coefficients."""
+    count, equations = base.terms.count(), len(table) * (len(WRENCH) + amounts)
+    if equations < count + (len(base.pure_J) if amounts else 0):
+        raise InputError(
+            f"{table.source}: {base.name} has {count} coefficients, {len(table)} rows "
+            f"give {equations} equations: give more rows, or take a lower degree"
+        )
 
 
 def _measured_amounts(table: Table, actuation: tuple[str, ...]) -> tuple[F, list[int]]:

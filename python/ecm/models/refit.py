@@ -621,21 +621,24 @@ def addition_to(
     most = np.inf
     try:
         found = _changed(model, table, new, (), (), with_ceiling=False)
+        first = found.history[-2]
+        if first.rows != found.history[-1].rows:  # of the model as it was fitted to others
+            first = model.fit(table, with_ceiling=False).history[-1]
+        most = first.held_out
         # Those whose values change may have stood for what is new: then they are no longer needed.
         with suppress(EcmError, np.linalg.LinAlgError):
             fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
             more, less = found.history[-1], fewer.history[-1]
             if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
-        most = found.history[-2].held_out
         refuse_addition(found, table, model)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
         if against and against != model.base.name:
             way = remedy_with_base(against, [*present.values(), *new], table, most)
         return Addition(ids, None, None, said, way or remedy_of(error))
-    first, last = found.history[-2:]
-    before, after = first.held_out, last.held_out
+    before, last = first.held_out, found.history[-1]
+    after = last.held_out
     known = not found.noise.is_residual
     removed = tuple(item.id for item in model.effects if item.id not in present)
     words = [f"remove {' and '.join(removed)}"] if removed else []
