@@ -5,11 +5,11 @@ another cause looks alike, or that the truth is in no catalogue. So the probabil
 right verdicts of the same evidence among sets whose cause is known (Platt 1999): logit P = w'x,
 
     x = (1, members of the largest class, log of the share of the weakest effect in what all effects
-         explain and forms of the model's leave, log of the share that they leave)
+         explain, log of the share that they leave)
 
 for a name or a class, x = (1, log odds of nothing in the posterior) for `none`, and x = (1) for
-`unknown` and a family. `benches/blind_calibration.py` fits w and prints how often verdicts of each
-probability were right.
+`unknown` and a family. Beside effects of the model the odds of a name are nine to one less.
+`benches/blind_calibration.py` fits w and prints how often verdicts of each probability were right.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from scipy import special
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import Family, Posterior, posterior
+from ecm.diagnosis.family import SURE, Family, Posterior, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -38,7 +39,6 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import (
     Ranked,
     Refinement,
-    beyond_noise,
     delta_chi2,
     explained_share,
     seen_in_repeats,
@@ -255,23 +255,14 @@ _AS_LIKELY = 0.5
 """Least probability of a name or class: below it the contrary is likelier."""
 _LEAST_LEFT, _CHANCE = 0.003, 5.0
 """Share, and chi^2, that names leave below which less tells no more: form and chance leave them."""
-_OF_MODEL = 0.1
-"""Share of what the model's own effects explain that their forms leave at most, in that fit; nor do
-they leave more than is there beyond the noise."""
 
 
 def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return each effect's share in what all explain and forms of the model's effects leave.
-
-    Between visits to the same pose these leave nothing.
-    """
+    """Return each effect's share in what all explain."""
     total = delta_chi2(problem, effects)
-    most = min(_OF_MODEL * problem.held, max(beyond_noise(problem), total))
-    forms = 0.0 if seen_in_repeats(problem, effects) else most
-    own = total / max(total + forms, 1e-300)
     beside = [(item, without(effects, item)) for item in effects]
     return [
-        own * explained_share(problem, item, others, delta_chi2(problem, others), total)
+        explained_share(problem, item, others, delta_chi2(problem, others), total)
         for item, others in beside
     ]
 
@@ -305,4 +296,8 @@ def probability(decision: Decision) -> float:
     of the catalogue is the cause, of a family that this is the driver.
     """
     key, x = evidence(decision)
-    return float(1.0 / (1.0 + np.exp(-np.dot(WEIGHTS[key], x))))
+    logit, problem = np.dot(WEIGHTS[key], x), decision.problem
+    if key == "named" and problem.held and not seen_in_repeats(problem, decision.accepted.effects):
+        # The form of what the model holds is likelier than one more cause.
+        logit -= np.log(SURE / (1.0 - SURE))
+    return float(special.expit(logit))
