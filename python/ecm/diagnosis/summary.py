@@ -322,7 +322,7 @@ def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
     command = _command(addition["remedy"]) or _NOTHING
     brings = _fall_of_model(document)
     if brings and addition["remedy"] is None:
-        return f"nothing to this model, which errs no less with it: {brings}"
+        return f"nothing to this model, which gains nothing by it: {brings}"
     if addition["refused"]:
         return f"{command}   # not to this model: the details say why"
     said = [addition["remedy"]["words"]] if addition["base"] else []
