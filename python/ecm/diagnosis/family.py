@@ -54,6 +54,8 @@ _NO_OTHER = 0.95
 """Rank correlation from which a driver is no other than the pose."""
 SURE = 0.9
 """Probability from which a family is said, as that of a name."""
+FURTHER_CAUSE = (1.0 - SURE) / SURE
+"""Odds of each cause after the first, or after those that a model holds: one is likelier."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,7 @@ def posterior(
     shares[-1] *= len(fits)
     if named:
         # One cause is likelier than two that act together as one.
-        shares[-2] *= ((1.0 - SURE) / SURE) ** (len(named) - 1)
+        shares[-2] *= FURTHER_CAUSE ** (len(named) - 1)
     *of_each, of_nothing = (shares / shares.sum()).tolist()
     of_effects = of_each.pop() if named else 0.0
     *of_drivers, of_pose = of_each
@@ -462,12 +464,15 @@ def _of_pose(problem: Problem) -> Iterator[F]:
         free = [replace(more, degree=d, symmetry="general", groups=()) for d in _ASYMMETRIC]
         outputs = [WRENCH.index(name) for name in problem.base.outputs]
         for terms in (more, *free):
-            columns = terms.regressor(rows.poses, base.model.scale)[:, outputs]
-            columns = problem.whitener.each @ columns
-            yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
+            yield _of_rms_one(problem, terms.regressor(rows.poses, base.model.scale)[:, outputs])
     if isinstance(base, ActuatedMap) and base.terms.body != "general":
-        columns = problem.whitener.each @ further_columns(rows, problem.base)
-        yield columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300)
+        yield _of_rms_one(problem, further_columns(rows, problem.base))
+
+
+def _of_rms_one(problem: Problem, columns: F) -> F:
+    """Columns (N, m, k) in units of the noise, each over its rms."""
+    columns = problem.whitener.each @ columns
+    return np.asarray(columns / (np.sqrt((columns**2).mean(axis=(0, 1))) + 1e-300))
 
 
 def _sizes_of_load(rows: Rows) -> list[F]:

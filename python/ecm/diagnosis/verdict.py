@@ -23,7 +23,7 @@ import numpy as np
 from scipy import special
 
 from ecm.diagnosis.accept import Accepted
-from ecm.diagnosis.family import SURE, Family, Posterior, posterior
+from ecm.diagnosis.family import FURTHER_CAUSE, Family, Posterior, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -299,5 +299,5 @@ def probability(decision: Decision) -> float:
     logit, problem = np.dot(WEIGHTS[key], x), decision.problem
     if key == "named" and problem.held and not seen_in_repeats(problem, decision.accepted.effects):
         # The form of what the model holds is likelier than one more cause.
-        logit -= np.log(SURE / (1.0 - SURE))
+        logit += np.log(FURTHER_CAUSE)
     return float(special.expit(logit))

@@ -203,7 +203,7 @@ class ActuatedModel(ModelSpecification):
         need_pose(table, self.name)
         rows = table.matrix((*POSE, *actuation))
         base = self.empty_map(rows, length_of(table, self.name), actuation)
-        self._refuse_unmoved(table, base)
+        _refuse_unmoved(table, base)
         if is_partial(table):  # as an energy of the pose: amounts are not taken
             return fit_measured(base, table, weights == "spread", progress)
         wrenches = table.wrenches
@@ -235,20 +235,6 @@ class ActuatedModel(ModelSpecification):
             fitted = cast(ActuatedMap, found.base)
         return found
 
-    def _refuse_unmoved(self, table: Table, base: ActuatedMap) -> None:
-        """Raise InputError where nothing tells what an actuator does."""
-        moved, kinds = (
-            np.ptp(table.matrix(base.actuators), axis=0) > 0.0,
-            np.array(base.terms.kinds),
-        )
-        for i, name in enumerate(base.actuators):
-            # Without symmetry no other actuator tells what this one does.
-            if not np.any(moved[i] if self.symmetry == "general" else moved[kinds == kinds[i]]):
-                raise InputError(
-                    f"{table.source}: {name} is the same in every row: nothing tells {self.name} "
-                    "what it does; give rows in which it varies, or leave the column out"
-                )
-
     def maps_without(
         self, table: Table, fold: I, fitted: StiffnessMap | None, progress: Progress | None = None
     ) -> list[StiffnessMap] | None:
@@ -264,7 +250,7 @@ class ActuatedModel(ModelSpecification):
         def without(part: int) -> StiffnessMap:
             tell_part(progress, part, count, "the rows without one part")
             others = table.select(fold != part)
-            self._refuse_unmoved(others, start)
+            _refuse_unmoved(others, start)
             _refuse_few(others, start)
             if whole.converged:
                 found = fit_with_pose_noise(others, start, noise, family, near=True)
@@ -306,6 +292,19 @@ class ActuatedModel(ModelSpecification):
         return record(own, others=True)
 
     map_from_document = staticmethod(ActuatedMap.from_document)
+
+
+def _refuse_unmoved(table: Table, base: ActuatedMap) -> None:
+    """Raise InputError where nothing tells what an actuator does."""
+    moved = np.ptp(table.matrix(base.actuators), axis=0) > 0.0
+    kinds = np.array(base.terms.kinds)
+    for i, name in enumerate(base.actuators):
+        # Without symmetry no other actuator tells what this one does.
+        if not np.any(moved[i] if base.terms.body == "general" else moved[kinds == kinds[i]]):
+            raise InputError(
+                f"{table.source}: {name} is the same in every row: nothing tells {base.name} "
+                "what it does; give rows in which it varies, or leave the column out"
+            )
 
 
 def _refuse_few(table: Table, base: ActuatedMap, amounts: int = 0) -> None:
