@@ -267,10 +267,12 @@ class ActuatedMap(SixAxisMap):
 
         The potential is the sum of the products, but for the polynomial of the inputs alone.
         """
-        return [
-            (product, self.terms.of_pose.map(self.scale, expansion @ own))
-            for product, expansion, own in self.terms.split(self.coefficients)
-        ]
+        split = list(self.terms.split(self.coefficients))
+        coefficients = np.array([expansion @ own for _, expansion, own in split])
+        # Symmetry makes most of them 0, but for rounding: monomials that nothing evaluates.
+        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
+        energies = [self.terms.of_pose.map(self.scale, own) for own in coefficients]
+        return [(product, energy) for (product, *_), energy in zip(split, energies, strict=True)]
 
     def _split(self, rows: F) -> tuple[F, F]:
         """Poses (N, 6) and dimensionless inputs (N, m) of rows (N, 6 + m), or of poses alone."""
@@ -383,18 +385,14 @@ class ActuatedMap(SixAxisMap):
 
     def written_out(self) -> dict[str, Any]:
         """What the exported code is made of: `parts` beside each product, without symmetry."""
-        coefficients = np.array([energy.coefficients for _, energy in self.parts])
-        # Symmetry makes most of them 0, but for rounding.
-        coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
-        parts = zip(self.parts, coefficients, strict=True)
         return {
             "inputs": [*self.inputs, *self.actuators],
             "degree": self.terms.degree,
             "scale": self.scale.tolist(),
             "input_scale": self.input_scale.tolist(),
             "parts": [
-                {"powers": list(product), "coefficients_J": own.tolist()}
-                for (product, _), own in parts
+                {"powers": list(product), "coefficients_J": energy.coefficients.tolist()}
+                for product, energy in self.parts
             ],
         }
 

@@ -1,6 +1,8 @@
 //! The fastest evaluation of one energy: by SIMD for a body of revolution of degree 4 to 8, by the
 //! sparse sums of its plan otherwise.
 
+use alloc::vec::Vec;
+
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Wrench};
 
@@ -76,6 +78,9 @@ impl Evaluator {
         scale: [f64; 2],
         length_m: f64,
     ) -> Result<Self, ShapeError> {
+        // Of an energy beside a product of inputs symmetry leaves a few of all terms.
+        let all = exponents.iter().zip(coefficients);
+        let (some, weights): (Vec<_>, Vec<_>) = all.filter(|(_, c)| **c != 0.0).unzip();
         let narrow = || {
             SimdTables::new(symmetry, degree, exponents, coefficients, scale, length_m)
                 .map(Simd::Narrow)
@@ -85,7 +90,7 @@ impl Evaluator {
                 .map(Simd::Wide)
         };
         Ok(Self {
-            tables: EnergyTables::new(symmetry, exponents, coefficients, scale, length_m)?,
+            tables: EnergyTables::new(symmetry, &some, &weights, scale, length_m)?,
             simd: narrow().or_else(wide),
         })
     }
