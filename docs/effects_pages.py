@@ -155,7 +155,7 @@ def section(group: str, effect: Effect) -> Iterator[str]:
     needs = effect.needs or "nothing beside pose and wrench"
     few = along_few(effect)
     own = needs.rstrip(".")
-    if few is not effect and few.id == effect.id:
+    if few is not effect and few.id == effect.id and few.needs != effect.needs:
         own += f"; with fewer than the twelve columns: {few.needs or 'nothing more'}"
     elif not full_only(effect):
         own += "; any columns of pose and wrench"

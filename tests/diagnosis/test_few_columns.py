@@ -524,6 +524,31 @@ def test_a_branch_resists_also_where_the_static_slope_falls() -> None:
     np.testing.assert_allclose(effect.values, 900.0 / 300.0, rtol=0.1)
 
 
+@pytest.mark.parametrize("late_s", [0.02, 0.0])
+def test_a_force_that_is_read_late_is_a_delay_also_of_few_columns(late_s: float) -> None:
+    """A pad that stiffens tells it from damping; relaxation was its name alone."""
+    random, time = np.random.default_rng(5), np.arange(1500) / 50.0
+
+    def path(at: np.ndarray) -> np.ndarray:
+        waves = ((0.13, 0.4), (0.31, 2.0), (0.47, 5.1), (0.83, 3.3))
+        return 1.2e-3 * sum(np.sin(2.0 * np.pi * f * at + phase) for f, phase in waves)
+
+    later = path(time + late_s)
+    force = 2500.0 * later * (1.0 + (later / 5e-3) ** 2) + 0.03 * random.standard_normal(1500)
+    x = path(time) + 5e-6 * random.standard_normal(1500)
+    meta = {
+        "file": {"kind": "continuous"},
+        "instrument": {"force_sd_N": 0.03, "pose_position_sd_m": 5e-6},
+    }
+    table = ecm.Table({"time_s": time, "x_m": x, "fx_N": force}, meta)
+    found = ecm.diagnose(ecm.fit(table, "cubic", force=True), table)
+    assert (found.verdict == "none") == (late_s == 0.0)
+    if late_s:
+        assert found.answer[0][0] == "time_skew"
+        (delay,) = next(one for one in found.effects if one.id == "time_skew").values
+        assert delay == pytest.approx(late_s, rel=0.05)
+
+
 @pytest.mark.parametrize("sd", [0.02, 0.2])
 @pytest.mark.parametrize("digits", [None, 2])
 def test_a_second_load_that_is_measured_well_is_a_cause(sd: float, digits: int | None) -> None:

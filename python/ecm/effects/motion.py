@@ -171,7 +171,7 @@ class Inertia(LinearEffect):
 
 
 class TimeSkew(LinearEffect):
-    """K p' delta: the wrench is read a little later than the pose.
+    """K p' delta: the wrench is read a little later than the pose, along the columns there are.
 
     Parameters: delay: how much later the wrench is read than the pose.
     """
@@ -184,15 +184,17 @@ class TimeSkew(LinearEffect):
         "move the rig without the mechanism, and cross-correlate",
     )
     signature = "proportional to the velocity, 0 at rest"
-    needs = "the raw stream (NAME.raw.parquet)"
-    requires = (needs_full, needs_stream)
+    needs = "a continuous test, or the raw stream (NAME.raw.parquet)"
+    requires = (needs_motion, needs_stream)
     side = "measurement"
     kind = "time"
     rivals = {"viscous_damping": "moving_log"}
 
     def columns(self, rows: Rows) -> F:
-        """K p'."""
-        return np.asarray(rows.stiffness @ velocity(rows)[:, :, None])
+        """K p' of the columns of the pose that the base takes."""
+        names = [name for name in rows.base.inputs if name in POSE]
+        moving = [velocity_of(rows.table, name, rows.quiet) for name in names]
+        return np.asarray(rows.stiffness[:, :, rows.of_pose] @ np.stack(moving, axis=1)[:, :, None])
 
 
 def _translation_and_rotation(values: F, rows: Rows) -> F:
@@ -203,4 +205,4 @@ def _translation_and_rotation(values: F, rows: Rows) -> F:
 
 
 EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())
-FEW = (ViscousDamping("", 1.0),)
+FEW = (ViscousDamping("", 1.0), TimeSkew())

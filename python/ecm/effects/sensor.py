@@ -97,7 +97,7 @@ def _needs_two_zeros(table: Table) -> Missing | None:
         return None
     return Missing(
         "an offset is the constant term of the model",
-        "readings with the sensor unloaded (kind = unloaded), or a second run after a new zero",
+        "readings of the free sensor (kind = unloaded), or a second run after a new zero",
     )
 
 
