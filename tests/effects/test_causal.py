@@ -20,7 +20,7 @@ from support.campaigns import campaign
 from support.driven import arm_model, arm_table, tendon_table
 from support.one_angle import one_angle
 
-LOOKS_AHEAD = {"viscous_damping": 1, "time_skew": 1, "inertia": 2}
+LOOKS_AHEAD = {"viscous_damping": 1, "time_skew": 2, "inertia": 2}
 """Rows before the end that more rows change: velocities are those of the rows on both sides."""
 Case = tuple[Table, Model, Sequence[Effect]]
 

@@ -15,6 +15,7 @@ from ecm.effects.pairs import (
     resisting_pairs,
 )
 from ecm.effects.protocol import (
+    Effect,
     LinearEffect,
     LookAlike,
     Missing,
@@ -170,8 +171,8 @@ class Inertia(LinearEffect):
         return _translation_and_rotation(rates(table, velocity(rows)), rows)
 
 
-class TimeSkew(LinearEffect):
-    """K p' delta: the wrench is read a little later than the pose, along the columns there are.
+class TimeSkew(Effect):
+    """w' delta + w'' delta^2 / 2, w' = K p': the wrench w is read a little later than the pose.
 
     Parameters: delay: how much later the wrench is read than the pose.
     """
@@ -190,11 +191,14 @@ class TimeSkew(LinearEffect):
     kind = "time"
     rivals = {"viscous_damping": "moving_log"}
 
-    def columns(self, rows: Rows) -> F:
-        """K p' of the columns of the pose that the base takes."""
+    def correction(self, rows: Rows, values: F) -> F:
+        """Along the columns of the pose that the base takes."""
         names = [name for name in rows.base.inputs if name in POSE]
         moving = [velocity_of(rows.table, name, rows.quiet) for name in names]
-        return np.asarray(rows.stiffness[:, :, rows.of_pose] @ np.stack(moving, axis=1)[:, :, None])
+        change = rows.stiffness[:, :, rows.of_pose] @ np.stack(moving, axis=1)[:, :, None]
+        (delay,) = values
+        bent = rates(rows.table, change[:, :, 0], rows.quiet)
+        return np.asarray(delay * change[:, :, 0] + 0.5 * delay**2 * bent)
 
 
 def _translation_and_rotation(values: F, rows: Rows) -> F:
