@@ -252,7 +252,7 @@ def test_stamps_in_seconds_and_nanoseconds_are_one_time(ends: tuple[str, str]) -
 
 
 def test_tensions_are_named_as_pressures_are() -> None:
-    names = ["Tension 1 [N]", "tension_2 (kN)", "Druck Kammer 1 [bar]", "x [mm]", "Fx [N]"]
+    names = ["Tendon 1 (N)", "tension_2 (kN)", "Druck Kammer 1 [bar]", "x [mm]", "Fx [N]"]
     log = dict(zip(names, LOAD.T, strict=False))
     table = import_log(log).table
     assert table.actuation_columns == ("pressure_1_Pa", "tension_1_N", "tension_2_N")

@@ -208,7 +208,7 @@ _BRACKET = re.compile(r"(.*?)[\s_]*[\[(［（]\s*([^\[\]()［］（）]*?)\s*[\]
 _WITH_UNIT = re.compile(r"(?P<name>.*?)[\s_]*[\s_\[(](?P<unit>[a-z]+)[\])]?")
 _ACTUATORS = {
     "pressure": ("pressure", "Pa", "p pressure druck chamber kammer bellows balg"),
-    "tension": ("force", "N", "tension seilkraft"),
+    "tension": ("force", "N", "tension tendon seilkraft"),
 }
 """Inputs of a body: dimension and unit, and the words that tell one beside its number."""
 _OF_TENDONS = frozenset({"tendon", "cable", "seil"})
