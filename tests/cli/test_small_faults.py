@@ -126,7 +126,7 @@ def test_a_folded_model_without_a_control_loop_is_refused_as_well(tmp_path: Path
     wrenches = -poses * [3000.0, 3000.0, 3000.0, 1.0, 1.0, 1.0]
     table = ecm.as_table(columns_of(poses, wrenches))
     model = ecm.fit(table, "linear", force=True)
-    with pytest.raises(InputError, match="36 times the measurement noise"):
+    with pytest.raises(InputError, match="36 times an assumed noise"):
         ecm.export(model, "c", tmp_path)
     assert any(
         "No control loop" in note for note in ecm.export(model, "c", tmp_path, force=True).notes

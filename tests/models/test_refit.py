@@ -119,7 +119,7 @@ def test_below_the_noise_no_error_refuses_and_a_residual_is_no_noise() -> None:
     (said,) = _worse_held_out(replace(model, history=history))
     assert said == "on held-out rows it errs 0.9 times the base's own residual, before 0.5"
     assert "0.9 times the base's own residual" in repr(replace(model, history=history))
-    known = replace(model, noise=Noise(), history=history)
+    known = replace(model, noise=Noise(source="declared"), history=history)
     assert _worse_held_out(known) == []
     (said,) = _worse_held_out(replace(known, history=(record, replace(record, held_out=1.2))))
     assert said == "on held-out rows it errs 1.2 times the noise, before 0.5"

@@ -31,11 +31,13 @@ from ecm.models import (
     Model,
     ModelChoice,
     PolynomialModel,
+    choose_model,
 )
 from ecm.models.maps import EnergyTerms
+from ecm.regression.noise import Noise
 from ecm.rig.truth import Revealed
 from support.campaigns import campaign, model
-from support.neck import ROOT
+from support.neck import ROOT, columns_of
 
 CURVE = LearningCurve(
     "energy4", (10, 20), np.array([1.6, np.inf]), np.ones(2), np.full(2, 2.0), None, None
@@ -43,6 +45,20 @@ CURVE = LearningCurve(
 CHOICE = ModelChoice(
     (PolynomialModel(3, pcr="press"), EnergyModel(4)), (60, 22), np.array([2.0, 1.0]), np.ones(2), 1
 )
+
+
+def test_a_choice_is_said_in_the_noise_of_the_repeats_or_in_an_assumed_one() -> None:
+    random = np.random.default_rng(0)
+    poses = np.repeat(random.uniform(-0.01, 0.01, (40, 6)), 2, axis=0)
+    wrenches = 1e3 * poses + random.normal(0.0, 0.01, poses.shape)
+    columns = columns_of(poses, wrenches)
+    once = {name: values[::2] for name, values in columns.items()}
+    pose_id = np.repeat(np.arange(40.0), 2)
+    repeated = choose_model(as_table({**columns, "pose_id": pose_id}), ["linear"], folds=3)
+    assumed = choose_model(as_table(once), ["linear"], folds=3)
+    assert (repeated.over, assumed.over) == ("noise", "assumed noise")
+    assert 0.8 < repeated.error[0] < 1.3
+    assert Noise().unit == "an assumed noise"
 
 
 def test_results_print_themselves() -> None:

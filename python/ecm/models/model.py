@@ -365,9 +365,9 @@ class Model(Shown, EvaluatedModel):
         if self.correlations:
             lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
             lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in self.correlations]
-        # Where nothing is known of the noise, the base's own residual stands in its place.
-        known = not self.noise.is_residual
-        over = "noise" if known else "the base's own residual"
+        # Where nothing is known of the noise, something else stands in its place.
+        known = not self.noise.is_assumed
+        over = "noise" if known else self.noise.unit
         for record in self.history:
             more = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
             more += f", floor {record.floor:g}" if known else ""

@@ -26,6 +26,7 @@ from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.actuated import ActuatedModel
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_base, polynomial
+from ecm.models.joint_fit import estimate_noise
 from ecm.models.maps import (
     CHOOSE,
     ModelSpecification,
@@ -38,7 +39,7 @@ from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import groups_to_hold_out
-from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.noise import whiteners
 from ecm.regression.rows import inputs_of
 from ecm.report import figures
 
@@ -216,7 +217,7 @@ class ModelChoice(Printed):
     """(c,) of `error`, over folds."""
     chosen: int
     over: str = "noise"
-    """What 1 is in `error`: the noise, or the spread of the readings."""
+    """What 1 is in `error`: the noise, as assumed or known, or the spread of the readings."""
 
     @property
     def best(self) -> ModelSpecification:
@@ -331,7 +332,7 @@ def choose_model(
         raise InputError("choose_model: no candidates; give at least one model name")
     measured = table.measured()
     fold = random_folds(measured, groups_to_hold_out(measured), folds, seed)
-    whitener = _whitener(measured, listed)
+    whitener, over = _whitener(measured, listed)
     error, spread, sizes = [], [], []
     parts = int(fold.max()) + 1
     for place, candidate in enumerate(listed):
@@ -357,7 +358,7 @@ def choose_model(
     within = np.asarray(error) <= error[best] + spread[best]
     order = [i for i in np.argsort(sizes, kind="stable") if within[i]]
     errors, sd = np.array(error), np.array(spread)
-    return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), _over(measured))
+    return ModelChoice(listed, tuple(sizes), errors, sd, int(order[0]), over)
 
 
 _TESTED, _ALIKE = 0.25, 0.05
@@ -391,7 +392,7 @@ class LearningCurve(Printed):
     one_standard_error: int | None
     """The fewest poses whose mean error over draws is within one standard error of the best's."""
     over: str = "noise"
-    """What 1 is in `error`: the noise, or the spread of the readings."""
+    """What 1 is in `error`: the noise, as assumed or known, or the spread of the readings."""
 
     def sentences(self) -> list[str]:
         """The error at each number of poses, and how many are enough."""
@@ -485,7 +486,7 @@ def learning_curve(
     groups = groups_to_hold_out(measured)
     count = int(groups.max()) + 1
     tests = max(1, round(_TESTED * count))
-    whitener = _whitener(measured, [specification])
+    whitener, over = _whitener(measured, [specification])
     usable = [n for n in sizes if n <= count - tests]
     if not usable:
         raise InputError(
@@ -518,7 +519,7 @@ def learning_curve(
         spread = float(errors[best].std(ddof=1)) / np.sqrt(draws)
         few = usable[int(np.argmax(mean <= mean[best] + spread))]
     return LearningCurve(
-        specification.alias, tuple(usable), middle, lower, upper, enough, few, _over(measured)
+        specification.alias, tuple(usable), middle, lower, upper, enough, few, over
     )
 
 
@@ -531,12 +532,8 @@ def _standard_error(squares: Sequence[float]) -> float:
     return float(deviation / np.sqrt(len(squares)) / (2 * np.sqrt(mean)))
 
 
-def _over(table: Table) -> str:
-    return "noise" if table.has(*POSE, *WRENCH) else "spread"
-
-
-def _whitener(table: Table, models: Sequence[ModelSpecification]) -> F:
-    """(N, m, m) from the table's stated noise, the stiffness from a smooth fit of all rows.
+def _whitener(table: Table, models: Sequence[ModelSpecification]) -> tuple[F, str]:
+    """(N, m, m) from the noise, the stiffness from a smooth fit of all rows; what 1 is then.
 
     Of fewer columns one over the spread; a column that never varies has none.
     """
@@ -544,8 +541,10 @@ def _whitener(table: Table, models: Sequence[ModelSpecification]) -> F:
         truth = table.matrix(table.wrench_columns)
         varies = np.ptp(truth, axis=0) > 1e-12
         spread = np.where(varies, truth.std(axis=0), np.inf)
-        return np.tile(np.diag(1.0 / spread), (len(table), 1, 1))
-    return whiteners(declared_noise(table).covariance(Rows(table, _smooth(table, models))))
+        return np.tile(np.diag(1.0 / spread), (len(table), 1, 1)), "spread"
+    rows = Rows(table, _smooth(table, models))
+    noise = estimate_noise(rows, rows.sensor_load)
+    return whiteners(noise.covariance(rows)), "assumed noise" if noise.is_assumed else "noise"
 
 
 def _smooth(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:

@@ -89,7 +89,8 @@ class Noise:
     @property
     def unit(self) -> str:
         """What errors over these figures are multiples of, in words."""
-        return "the base's own residual" if self.is_residual else "the noise"
+        stand_in = "the base's own residual" if self.is_residual else "an assumed noise"
+        return stand_in if self.is_assumed else "the noise"
 
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""

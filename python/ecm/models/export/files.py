@@ -457,7 +457,7 @@ def _check_crate(path: Path) -> None:
 
 def _unit(model: Model) -> str:
     """What a change of the model is a multiple of, in words."""
-    return model.noise.unit if model.noise.is_residual else "the measurement noise"
+    return model.noise.unit if model.noise.is_assumed else "the measurement noise"
 
 
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
