@@ -16,6 +16,7 @@ import ecm
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import WrongConvention, falling_loads, wrong_convention
+from ecm.io.description import Meta
 from ecm.io.table import Table, as_table, read_table
 from ecm.io.templates import data_template, description_template
 from support.neck import ROOT, Command, saved
@@ -141,10 +142,21 @@ def test_a_wrong_frame_is_told_as_one(neck: Table) -> None:
     remedy = found.refusal("t.csv").remedy
     assert remedy is not None
     assert remedy.words.startswith("mend [frames] in the TOML beside the table")
+    # Left-handed axes of pose or wrench: no entry can be printed, and what writes one is said.
+    unframed = WrongConvention("the y axis looks reversed", ("fy_N",), True, ("fy_N",))
+    assert "[columns]" in unframed.refusal("t.csv").remedy.words
     # Of twelve columns that no sign mends, an axis may be turned.
     falls = ("fy_N", "fz_N")
     told_of = [WrongConvention("", falls, False, falls, whole=whole) for whole in (True, False)]
     assert ["or a frame ([frames]" in one.sentence() for one in told_of] == [True, False]
+
+
+def test_positions_that_count_from_rest_are_told_with_the_frame() -> None:
+    """A stage whose encoders begin at 0: an energy of small motions fits there as well."""
+    stage = springs(np.diag([3e3, 3e2, 3e2, 3.0, 2.0, 2.0]), np.random.default_rng(0))
+    values = {name: stage[name] - 0.1 * (name == "x_m") for name in COLUMNS}
+    found = told(as_table(values, meta=Meta(mechanism={"length_m": 0.1})), decided=False)
+    assert "base_from_robot = [0.1, 0, 0, 1, 0, 0, 0] under [frames]" in found.sentence()
 
 
 def test_a_body_that_buckles_is_not_called_wrong() -> None:

@@ -269,7 +269,10 @@ def _points(length_m: float | None) -> Iterator[Convention]:
         yield Convention(words, change, of_pose=False)
     if length_m is not None:
         along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-        words = "the positions look measured from the rest pose, not from the base"
+        words = (
+            "the positions look measured from the rest pose, not from the base (base_from_robot = "
+            f"[{length_m:g}, 0, 0, 1, 0, 0, 0] under [frames] moves them)"
+        )
         yield Convention(words, lambda p, h: (p + along, h), of_pose=True)
 
 
@@ -391,7 +394,7 @@ not passive there (pre-loaded, near buckling, driven)
         grows = f"{falls} falls where its coordinate grows"
         if len(self.falls) > 1:
             grows = f"{falls} fall where their coordinates grow"
-        if not self.decided and self.error_mended is None:
+        if self.falls and not self.decided and self.error_mended is None:
             frame = " or a frame ([frames], docs/howto/frames.md)" * (self.framed or self.whole)
             what = self.what or f"a column{frame} is wrong"
             active = "the mechanism is not passive there (pre-loaded, near buckling, driven)"
@@ -414,7 +417,7 @@ not passive there (pre-loaded, near buckling, driven)
 
     def refusal(self, source: str) -> InputError:
         """Return the error of a table that is fitted all the same, and the entry that mends it."""
-        words = "mend the table, then check it again"
+        words = "mend it by [columns] (signs) or [frames] (docs/howto/frames.md), then check it"
         if self.framed:
             words = "mend [frames] in the TOML beside the table, then check it again"
         if self.mend:
@@ -504,7 +507,13 @@ class _Elastic:
                 every = list(conventions(self.stated_length_m))
                 if proven := self.proven(every, kinds, falling, decided=bool(falling)):
                     return proven
-        return self.either_or(falling) if falling else None
+        if falling:
+            return self.either_or(falling)
+        # No body is bent or pressed so far that its top never leaves the half at its clamped face.
+        reach = np.linalg.norm(self.poses[:, :3], axis=1).max()
+        near = self.there.all() and reach < 0.5 * self.length_m
+        of_rest = [item for item in _points(self.stated_length_m) if near and item.of_pose]
+        return self.said(of_rest, (), False, (None, None)) if of_rest else None
 
     @cached_property
     def energies(self) -> dict[_Kind, float]:
