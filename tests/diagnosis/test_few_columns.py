@@ -16,6 +16,7 @@ from ecm.diagnosis.summary import _of_unknown, verdict_sentence
 from ecm.effects import effects_for, get_effect, with_shape
 from ecm.effects.relaxation import StressRelaxation, play
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from ecm.models.check import lines_by_reason
@@ -524,29 +525,36 @@ def test_a_branch_resists_also_where_the_static_slope_falls() -> None:
     np.testing.assert_allclose(effect.values, 900.0 / 300.0, rtol=0.1)
 
 
-@pytest.mark.parametrize("late_s", [0.02, 0.0])
-def test_a_force_that_is_read_late_is_a_delay_also_of_few_columns(late_s: float) -> None:
-    """A pad that stiffens tells it from damping; relaxation was its name alone."""
+@pytest.mark.parametrize(("hidden", "value"), [("time_skew", 0.02), ("inertia", 8.0), ("", 0.0)])
+def test_a_late_force_and_a_mass_that_moves_are_named_also_of_few_columns(
+    hidden: str, value: float
+) -> None:
+    """A pad that stiffens tells a delay from damping; both were relaxation."""
     random, time = np.random.default_rng(5), np.arange(1500) / 50.0
+    waves = ((0.13, 0.4), (0.31, 2.0), (0.47, 5.1), (0.83, 3.3))
 
-    def path(at: np.ndarray) -> np.ndarray:
-        waves = ((0.13, 0.4), (0.31, 2.0), (0.47, 5.1), (0.83, 3.3))
-        return 1.2e-3 * sum(np.sin(2.0 * np.pi * f * at + phase) for f, phase in waves)
+    def path(at: F, order: int = 0) -> F:
+        of_wave = (
+            (2.0 * np.pi * f) ** order * np.sin(2.0 * np.pi * f * at + phase + order * np.pi / 2.0)
+            for f, phase in waves
+        )
+        return np.asarray(1.2e-3 * sum(of_wave))
 
-    later = path(time + late_s)
-    force = 2500.0 * later * (1.0 + (later / 5e-3) ** 2) + 0.03 * random.standard_normal(1500)
-    x = path(time) + 5e-6 * random.standard_normal(1500)
+    read = path(time + value * (hidden == "time_skew"))
+    force = 2500.0 * read * (1.0 + (read / 5e-3) ** 2) + 0.03 * random.standard_normal(1500)
+    force += value * (hidden == "inertia") * path(time, 2)
+    x = path(time) + 1e-6 * random.standard_normal(1500)
     meta = {
         "file": {"kind": "continuous"},
-        "instrument": {"force_sd_N": 0.03, "pose_position_sd_m": 5e-6},
+        "instrument": {"force_sd_N": 0.03, "pose_position_sd_m": 1e-6},
     }
     table = ecm.Table({"time_s": time, "x_m": x, "fx_N": force}, meta)
     found = ecm.diagnose(ecm.fit(table, "cubic", force=True), table)
-    assert (found.verdict == "none") == (late_s == 0.0)
-    if late_s:
-        assert found.answer[0][0] == "time_skew"
-        (delay,) = next(one for one in found.effects if one.id == "time_skew").values
-        assert delay == pytest.approx(late_s, rel=0.05)
+    assert (found.verdict == "none") == (hidden == ""), found.sentence()
+    if hidden:
+        assert found.answer[0][0] == hidden, found.sentence()
+        (size,) = next(one for one in found.effects if one.id == hidden).values
+        assert size == pytest.approx(value, rel=0.05)
 
 
 @pytest.mark.parametrize("sd", [0.02, 0.2])

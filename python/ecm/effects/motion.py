@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,12 +42,17 @@ def velocity_of(table: Table, name: str, wide: bool = False) -> F:
     return rates(table, table.column(name), wide)
 
 
-def velocity(rows: Rows) -> F:
-    """(N, 6) of the columns v_...; of a continuous table differences of the poses in each run."""
+def velocity(rows: Rows, names: Sequence[str] = POSE) -> F:
+    """(N, k) of the columns v_...; of a continuous table differences of the poses in each run."""
+    return np.stack([velocity_of(rows.table, name, rows.quiet) for name in names], axis=1)
+
+
+def acceleration_of(rows: Rows, name: str) -> F:
+    """(N,) of the column v_..., or of a pose column over time in each run."""
     table = rows.table
-    if table.has(*VELOCITY):
-        return table.matrix(VELOCITY)
-    return rates(table, table.matrix(POSE), rows.quiet)
+    if rows.quiet and not table.has(f"v_{name}"):
+        return second_rates(table, table.matrix([name]))[:, 0]
+    return rates(table, velocity_of(table, name))
 
 
 def needs_velocity(table: Table) -> Missing | None:
@@ -140,16 +146,19 @@ class ViscousDamping(LinearEffect):
         return np.asarray(np.sign(moving) * np.abs(moving) ** self.exponent)
 
 
+@dataclass(eq=False)
 class Inertia(LinearEffect):
     """M p'': the moving mass, and one moment of inertia for all axes.
 
+    With fewer than the twelve columns one inertia for each pair of columns (`of`).
+
     Parameters: mass: mass that moves with the platform; moment_of_inertia: its moment of inertia,
-    about any axis.
+    about any axis; inertia_*: force or moment per acceleration of this column.
     """
 
     id = "inertia"
     physics = "The load of the sensor still swings while a reading is taken."
-    parameters = (
+    parameters = listed(
         Parameter("mass", "kg", 0.1, 0.0, 20.0),
         Parameter("moment_of_inertia", "kg m^2", 1e-3, 0.0, 1.0),
     )
@@ -158,17 +167,30 @@ class Inertia(LinearEffect):
         "wait two seconds longer",
     )
     signature = "follows the acceleration, dies within a second of rest"
-    needs = "the raw stream (NAME.raw.parquet)"
+    needs = "a continuous test, or the raw stream (NAME.raw.parquet)"
     requires = (needs_full, needs_stream)
     kind = "time"
     rivals = {"viscous_damping": "settle_longer", "time_skew": "settle_longer"}
 
+    of: str | None = optional(None)
+    """Pairs of columns (`ecm.effects.pairs`) along which it acts; None: all twelve."""
+
+    def __post_init__(self) -> None:
+        if self.of is not None:
+            self.physics = "A wrench that grows with the acceleration."
+            self.requires = (needs_motion, needs_stream)
+            self.parameters = per_pair(self.of, "inertia", "({}/s^2)", lower=0.0)
+
+    def variants(self, table: Table) -> tuple[Inertia, ...]:
+        """Along the pairs that there are."""
+        return (self,) if self.of is None else (Inertia(",".join(resisting_pairs(table))),)
+
     def columns(self, rows: Rows) -> F:
-        """Acceleration: a column of translation and one of rotation."""
-        table = rows.table
-        if rows.quiet and not table.has(*VELOCITY):
-            return _translation_and_rotation(second_rates(table, table.matrix(POSE)), rows)
-        return _translation_and_rotation(rates(table, velocity(rows)), rows)
+        """Acceleration: a column of translation and one of rotation, or one for each pair."""
+        if self.of is not None:
+            return columns_of_pairs(rows, self.of, lambda name: acceleration_of(rows, name))
+        each = np.stack([acceleration_of(rows, name) for name in POSE], axis=1)
+        return _translation_and_rotation(each, rows)
 
 
 class TimeSkew(Effect):
@@ -194,8 +216,7 @@ class TimeSkew(Effect):
     def correction(self, rows: Rows, values: F) -> F:
         """Along the columns of the pose that the base takes."""
         names = [name for name in rows.base.inputs if name in POSE]
-        moving = [velocity_of(rows.table, name, rows.quiet) for name in names]
-        change = rows.stiffness[:, :, rows.of_pose] @ np.stack(moving, axis=1)[:, :, None]
+        change = rows.stiffness[:, :, rows.of_pose] @ velocity(rows, names)[:, :, None]
         (delay,) = values
         bent = rates(rows.table, change[:, :, 0], rows.quiet)
         return np.asarray(delay * change[:, :, 0] + 0.5 * delay**2 * bent)
@@ -209,4 +230,4 @@ def _translation_and_rotation(values: F, rows: Rows) -> F:
 
 
 EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())
-FEW = (ViscousDamping("", 1.0), TimeSkew())
+FEW = (ViscousDamping("", 1.0), Inertia(""), TimeSkew())
