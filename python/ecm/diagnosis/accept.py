@@ -84,18 +84,13 @@ _CLEAR = 0.99
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
     """Return the squared length of columns @ values after projecting out the fixed columns.
 
-    Parameters
-    ----------
-    matrix
-        (K, K) products of all columns.
+    The matrix (K, K) holds the products of all columns.
     """
-    a = np.asarray(columns, dtype=np.int64)
-    total = float(values @ matrix[np.ix_(a, a)] @ values)
+    total = float(values @ matrix[np.ix_(columns, columns)] @ values)
     if not fixed:
         return total
-    b = np.asarray(fixed, dtype=np.int64)
-    cross = matrix[np.ix_(b, a)] @ values
-    return max(total - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
+    cross = matrix[np.ix_(fixed, columns)] @ values
+    return max(total - float(cross @ solve(matrix[np.ix_(fixed, fixed)], cross)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -229,11 +224,8 @@ class _Chosen:
             p_holm=min(1.0, own.p * len(self.ranked)),
             delta_bic=own.delta_bic,
             held_out_fall=held_out_t(self.problem, self.others, self.item),
-            chosen_share=0.0,
             within_bounds=inside,
             explained_in_bounds=kept,
-            own_seen=False,
-            winners={},
             settings=self.problem.settings,
         )
 
@@ -316,10 +308,7 @@ def confusion_class(
 ) -> list[str]:
     """Return the ids of an effect and of its rivals: near in BIC in its place, or not separable.
 
-    Parameters
-    ----------
-    most
-        Members of the class; of rivals that only look alike the nearest.
+    Of those that only look alike the nearest, until the class has its most members.
     """
     nearest = _Chosen(problem, chosen, item).rivals()
     plain = item.effect.plain_form()
@@ -368,13 +357,8 @@ def selection_shares(
 ) -> dict[str, float]:
     """Return the share of draws in which each effect lowers BIC most beside base and `others`.
 
-    Parameters
-    ----------
-    contenders
-        Shapes that may win.
-    draws
-        Most draws. After 400 shapes that won none are out, and no more draws are made where one
-        effect has won 99 % of them.
+    After 400 of them shapes that won none are out, and no more are drawn where one effect has won
+    99 % of them.
     """
     if not contenders:
         return {}
@@ -415,13 +399,7 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
 def _falls_of_draws(
     problem: Problem, fixed: Sequence[int], candidates: Sequence[Candidate]
 ) -> Callable[[F], F]:
-    """Return what gives (d, c) the falls of BIC by each candidate in draws (d, g).
-
-    Parameters
-    ----------
-    fixed
-        Columns beside which the candidates are added.
-    """
+    """Return what gives (d, c) the falls of BIC by each beside fixed columns in draws (d, g)."""
     normal, f = problem.normal, len(fixed)
     known, response = normal.rows(fixed), normal.response[:, None]
     own = normal.rows([column for c in candidates for column in c.columns])
@@ -472,7 +450,7 @@ def _falls_of_draws(
     return falls_of
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AcceptanceCheck:
     """The evidence for one chosen effect, given the other chosen ones."""
 
@@ -481,15 +459,15 @@ class AcceptanceCheck:
     delta_bic: float
     held_out_fall: float
     """Fall of the held-out sum of squares in its standard errors."""
-    chosen_share: float
+    chosen_share: float = 0.0
     """Share of draws in which it, or one of the best of its class, is chosen."""
     within_bounds: bool
     """Every parameter is within its bounds, also where they are not imposed."""
     explained_in_bounds: float
     """Share of what it explains that stays within its bounds, which the answer keeps."""
-    own_seen: bool
+    own_seen: bool = False
     """Its own sign is seen, or its plain form is in its class."""
-    winners: dict[str, float] = field(repr=False)
+    winners: dict[str, float] = field(default_factory=dict, repr=False)
     """Share of draws that each effect wins."""
     settings: DiagnosisSettings = field(default=DEFAULTS, repr=False)
 
@@ -580,13 +558,6 @@ def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Acce
 
     An effect that explains the rows only beyond the bounds of its parameters, or only along its
     first derivative, is no candidate: the search begins again without it.
-
-    Parameters
-    ----------
-    chosen
-        Effects of the search.
-    seed
-        Seed of the draws.
     """
     chosen = _held_first(problem, chosen)
     checks: tuple[AcceptanceCheck, ...] = ()

@@ -97,18 +97,9 @@ def agreed(looks: Iterable[Look]) -> bool:
 
 
 def look_at(rows: Table, plan: Table, model: Model | None = None, seed: int = 0) -> Look:
-    """Diagnose the rows so far.
+    """Diagnose the measured rows so far, of a plan of all that can be measured.
 
-    Parameters
-    ----------
-    rows
-        Measured rows.
-    plan
-        All rows that can be measured.
-    model
-        The model that lacks something; None: the energy of the least AIC of the rows.
-    seed
-        Seed of the diagnosis.
+    Without a model that lacks something it is the energy of the least AIC of the rows.
 
     Examples
     --------

@@ -127,12 +127,8 @@ def find_family(
 ) -> Family | None:
     """Return the family of what the base leaves; None where no three drivers are sure together.
 
-    Parameters
-    ----------
-    chances
-        The posterior with the effects that pass every check and are no names all the same.
-    classes
-        The class of each of these effects.
+    The posterior is that with the effects, of these classes, that pass every check and are no names
+    all the same.
     """
     likeliest = _by_probability(chances, classes)[:MOST_IN_CLASS]
     fewest = int(np.searchsorted(np.cumsum([p for _, p in likeliest]), SURE)) + 1
@@ -187,10 +183,7 @@ def posterior(
 ) -> Posterior:
     """Return how likely each driver is, the pose, the named effects together, and nothing.
 
-    Parameters
-    ----------
-    others
-        Effects that are there beside these.
+    All of them beside the other effects.
     """
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
@@ -393,12 +386,9 @@ def _velocities(rows: Rows) -> F:
 
 
 def _fading(rows: Rows, driven: F) -> Iterator[F]:
-    """Yield (N, k) what is left of changes, by some time constants; nothing without a time.
+    """Yield (N, k) what is left of changes (n, k) of all rows, by some time constants.
 
-    Parameters
-    ----------
-    driven
-        (n, k) of all rows of the table.
+    Nothing without a time.
     """
     table = rows.whole.table
     if table.has("time_s"):

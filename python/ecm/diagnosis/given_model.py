@@ -54,12 +54,8 @@ def reading_of_given_model(
 ) -> WrongStatement | None:
     """Return the reading of a table that the model as it stands explains; None where none does.
 
-    Parameters
-    ----------
-    noise
-        Of the rows; where it is only what the model leaves, nothing can be said.
-    most_error
-        Largest error that the reading may leave, over the noise.
+    It may leave no more than the most error, over the noise; of one that is only what the model
+    leaves nothing can be said.
     """
     if noise.is_residual or not {*model.inputs, *model.outputs} <= {*POSE, *WRENCH}:
         return None
@@ -287,10 +283,7 @@ def judge_given_model(
 ) -> GivenModel:
     """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong.
 
-    Parameters
-    ----------
-    noise
-        Noise of the rows, where the user gave it.
+    The noise is that of the user, if any.
     """
     problem, table = decision.problem, decision.prepared.table
     result = compare(model, table, noise=noise)
@@ -606,15 +599,11 @@ def _scale(result: Comparison, measured: F, modelled: F) -> float | None:
 def refit_of_kind(base: StiffnessMap, table: Table, noise: Noise) -> JointFit | None:
     """Fit a map of the same kind to a table without what the effects of the model explain.
 
-    Returns
-    -------
-    JointFit or None
-        None for a map that is learned or has no coefficients, and where half of the numbers or
-        more would be coefficients.
+    None for a map that is learned or has no coefficients, and where half of the numbers or more
+    would be coefficients.
     """
-    if base.kind in LEARNED or not len(base.coefficients):
-        return None
-    if 2 * len(base.coefficients) > len(table) * len(base.outputs):
+    count = len(base.coefficients)
+    if base.kind in LEARNED or not 0 < 2 * count <= len(table) * len(base.outputs):
         return None
     return fit_or_none(base, (), table, noise)
 

@@ -160,7 +160,7 @@ def residual_after(
     """Return the (N, m) whitened residual after base and effects, or another base that holds it."""
     response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
     if base is not None:
-        response, fitted = base.rest(response[:, :, None])[:, :, 0], base.orthogonalised(fitted)
+        response, fitted = base.rest(response), base.orthogonalised(fitted)
     theta = lstsq(problem.flat(fitted), problem.flat(response), rcond=1e-10)
     return np.asarray(response - fitted @ theta)
 
@@ -399,9 +399,7 @@ def effect_template(
     factors
         What the component follows, such as ("time_s", "x_m"); none: it is constant.
     component
-        A wrench column, or "the wrench": a change of all of them by a factor.
-    outputs
-        Wrench columns of the base.
+        One of the outputs of the base, or "the wrench": a change of all of them by a factor.
     texts
         Python text of factors that are no columns.
     """
@@ -477,16 +475,10 @@ class Unknown:
 def describe_residual(
     problem: Problem, residual: F, chosen: Sequence[Candidate], total: float
 ) -> Unknown:
-    """Describe a residual: variables that it follows, words, nearest effect, effect template.
+    """Describe a whitened residual (N, m): what it follows, words, nearest effect, template.
 
-    Parameters
-    ----------
-    residual
-        (N, m) whitened.
-    chosen
-        Effects that are accepted already.
-    total
-        Sum of squares that smooth functions explain, over the noise scale.
+    The share of the nearest effect, beside those that are accepted already, is that in the total
+    that smooth functions explain, over the noise scale.
     """
     n = len(residual)
     values, names = features(problem.rows, max(1, min(90, n // 3)))
@@ -509,14 +501,8 @@ def describe_residual(
 def draft_of(problem: Problem, column: str, history: Mapping[str, tuple[str, F]]) -> str:
     """Return the draft of an effect of a driver: of the forms that are tried what explains most.
 
-    Each form is added to one component of the wrench, or is a factor on that component.
-
-    Parameters
-    ----------
-    column
-        Column that drives it: every smooth function with it is a form.
-    history
-        What else drives it, by name: Python text and values (N,).
+    Forms are the smooth functions with its column, and its history (Python text and values by
+    name). Each is added to one component of the wrench, or is a factor on all of it.
     """
     rows, outputs = problem.rows, problem.base.outputs
     values, names = features(rows, 10_000)

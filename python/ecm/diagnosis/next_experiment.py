@@ -124,15 +124,7 @@ class ConfusionClass:
 
     @staticmethod
     def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> ConfusionClass:
-        """Return the class with the best shapes of each member.
-
-        Parameters
-        ----------
-        others
-            Effects accepted beside the one with rivals.
-        members
-            Ids that cannot be told apart.
-        """
+        """Return the class with the best shapes of each member, beside the other effects."""
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
             own = [c for c in problem.offered if c.id == id]
@@ -182,10 +174,7 @@ class ConfusionClass:
     def told_by(self, experiment: Experiment, rows: Rows | None) -> Told:
         """Return what an experiment tells about each pair.
 
-        Parameters
-        ----------
-        rows
-            The data with the predicted rows of its campaign; None where it is done by hand.
+        From the data with the predicted rows of its campaign; None where it is done by hand.
         """
         read = experiment.readings
         if rows is None and not set(read) & set(self.members):
@@ -334,15 +323,7 @@ class Proposal:
 def next_experiments(
     problem: Problem, chosen: Sequence[Candidate], classes: Sequence[Sequence[str]]
 ) -> tuple[Proposal, ...]:
-    """Return experiments that separate the members of each class, and a session; best first.
-
-    Parameters
-    ----------
-    chosen
-        Accepted effects.
-    classes
-        Ids that cannot be told from each of them.
-    """
+    """Return experiments that separate the members of each class, and a session; best first."""
     groups = []
     for item, members in zip(chosen, classes, strict=True):
         if len(members) > 1:
@@ -356,15 +337,8 @@ def next_experiments(
 
 
 def apart_from_held(best: str, held: Sequence[str], table: Table) -> Proposal:
-    """Return the experiment that tells an effect from what the form of the model's own may leave.
-
-    Parameters
-    ----------
-    best
-        The effect that explains most of what is left.
-    held
-        The effects that the model has already.
-    """
+    """Return the experiment that tells the effect that explains most of what is left from what
+    the form of those that the model holds may leave."""
     telling = _telling().get(best, {})
     one = next((telling[id] for id in (*held, *telling) if id in telling), None)
     action = "measure where what the model holds is weak" if one is None else one.words(table)

@@ -101,19 +101,9 @@ def prepare(
     effects: Sequence[str | Effect] | None = None,
     settings: DiagnosisSettings = DEFAULTS,
 ) -> Prepared:
-    """Select the rows and the effects of a diagnosis.
+    """Select the rows and the effects of a diagnosis; default: all effects that are registered.
 
-    Parameters
-    ----------
-    effects
-        Ids or effects; default: all that are registered.
-    settings
-        Its `most_rows` is the number of rows above which some are chosen.
-
-    Raises
-    ------
-    InputError
-        If fewer than 8 rows are measured, or an id is unknown.
+    An InputError where fewer than 8 rows are measured, or an id is unknown.
     """
     if len(table.measured()) < _LEAST_ROWS:
         raise InputError(

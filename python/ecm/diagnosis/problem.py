@@ -110,6 +110,13 @@ def best_of_each(items: Sequence[T], values: Sequence[float]) -> dict[str, tuple
     return best
 
 
+def weighted(columns: F, root: F) -> F:
+    """(N m, k) of columns (N, m, k), or (N m,) of (N, m): rows times the roots of their weights."""
+    n, m, *k = columns.shape  # named, for a reshape of no columns
+    each = root.reshape(-1, *[1] * (columns.ndim - 1))
+    return np.asarray((columns * each).reshape(n * m, *k))
+
+
 @dataclass(frozen=True)
 class Projection:
     """The directions of the base among weighted rows."""
@@ -122,16 +129,16 @@ class Projection:
     @staticmethod
     def of(block: F, root: F) -> Projection:
         """Return the projection for whitened base columns (N, m, b)."""
-        flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
-        return Projection(orthonormal(flat, dependent=1e-10), root)
+        return Projection(orthonormal(weighted(block, root), dependent=1e-10), root)
 
     def flat(self, columns: F) -> F:
-        """Return (N m, k) weighted columns."""
-        n, m, k = columns.shape  # named, for a reshape of no columns
-        return (columns * self.root[:, None, None]).reshape(n * m, k)
+        """`weighted` by the weights of the rows."""
+        return weighted(columns, self.root)
 
     def rest(self, columns: F) -> F:
-        """Return the columns (N, m, k) without their part in the base; weights stay outside."""
+        """Return (N, m, k) or (N, m) without their part in the base; weights stay outside."""
+        if columns.ndim == 2:
+            return self.rest(columns[:, :, None])[:, :, 0]
         flat = self.flat(columns)
         left = flat - self.basis @ (self.basis.T @ flat)
         safe = np.where(self.root > 0.0, self.root, 1.0)
@@ -169,10 +176,7 @@ class Projection:
     def _of_each(self, blocks: Sequence[F], work: Callable[[F, I], list[float]]) -> list[float]:
         """Return a number of each block (N, m, k), which are worked on some at a time.
 
-        Parameters
-        ----------
-        work
-            (weighted columns (N m, k) of some blocks, where each but the first begins) -> numbers.
+        By work: (weighted columns (N m, k) of some, where each but the first begins) -> numbers.
         """
         ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
 
@@ -269,7 +273,7 @@ def _refined_shapes(
     projection: Projection,
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
-    y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
+    y = projection.flat(projection.rest(response))
     table = rows.whole.table
 
     def gain(shape: Effect) -> float:
@@ -325,20 +329,18 @@ def _not_absorbed(
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
-def robust_weights(response: F, base: F, effects: Sequence[F]) -> F:
+def robust_weights(response: F, base: F, every: Sequence[ScoreColumns]) -> F:
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less.
 
-    Parameters
-    ----------
-    response
-        (N, m) whitened residual.
-    base
-        (N, m, b) columns of the base.
-    effects
-        (N, m, k) of each effect, those that explain most first: as many count as half of the
-        readings can hold. Without them all rows that one effect touches were outliers.
+    Beside the base and the effects that explain most, as many as half of the readings can hold:
+    without these all rows that one effect touches were outliers.
     """
     n, m = response.shape
+    plain = Projection.of(base, np.ones(n))
+    y = plain.flat(plain.rest(response))
+    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
+    by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
+    effects = [one.columns for _, one in by_gain]
     ends = base.shape[2] + np.cumsum([block.shape[2] for block in effects])
     few = effects[: int(np.searchsorted(ends, n * m // 2))]
     design = np.concatenate([base, *few], axis=2)
@@ -383,12 +385,8 @@ def significant_columns(
 
     Parameters
     ----------
-    equations
-        Matrix (K, K) and vector (K,) of all columns.
     squares
         Sum of squares that the fixed columns leave, of so many degrees of `freedom`.
-    fixed
-        Columns of the base.
     shapes
         Id and columns of every shape of every effect.
     level
@@ -424,25 +422,10 @@ def significant_columns(
 
 
 def noise_variance(response: F, weights: F, known: F, smooth: F, level: float) -> tuple[float, int]:
-    """Return the variance beside base and effects, and its degrees of freedom.
+    """Return the variance, 1 where the noise is right, that columns leave, and its freedom.
 
-    Parameters
-    ----------
-    response
-        (N, m) whitened residual.
-    weights
-        (N,) of the rows.
-    known
-        (N, m, k) columns of the base and of the significant effects.
-    smooth
-        (N, m, q) smooth functions, which are taken out together where they are significant; they
-        are overwritten.
-    level
-        Chance that they are where nothing is there.
-
-    Returns
-    -------
-    The variance, 1 where the noise is right, and 0 degrees of freedom where too few rows are left.
+    The known ones, and the smooth ones together where they are significant at the level; these are
+    overwritten. Of too few rows it is 1, with 0 degrees of freedom.
     """
     test = omnibus_test(response, smooth, known, weights, overwrite=True)
     squares, freedom = test.rest, test.dof_error
@@ -502,13 +485,13 @@ class Problem:
     untestable: dict[str, Missing]
     normal: NormalEquations
     """Normal equations of the design by group of rows."""
-    scale: float
-    """Variance that no column explains; 1 where the noise is right."""
-    scale_freedom: int
-    """Its degrees of freedom; 0 where the rows do not tell it."""
     base_error: float
     """Whitened rms of the base's own error."""
     settings: DiagnosisSettings
+    scale: float = 1.0
+    """Variance that no column explains; 1 where the noise is right."""
+    scale_freedom: int = 0
+    """Its degrees of freedom; 0 where the rows do not tell it."""
     left_out: LeftOut | None = None
     """What the base leaves out of the next degree; None of one that is projected out."""
     reduced: tuple[F, F] | None = None
@@ -584,9 +567,8 @@ class Problem:
         return self.whitener.in_time(in_each_component(self.whitener.each, values))
 
     def flat(self, columns: F) -> F:
-        """(N m, k) of whitened columns (N, m, k), or (N m,) of (N, m): each row by its weight."""
-        root = np.sqrt(self.weights).reshape(-1, *[1] * (columns.ndim - 1))
-        return np.asarray((columns * root).reshape(self.response.size, *columns.shape[2:]))
+        """`weighted` by the robust weights of the rows."""
+        return weighted(columns, np.sqrt(self.weights))
 
     @property
     def outlying_rows(self) -> list[int]:
@@ -654,14 +636,8 @@ def assemble(
     ----------
     base
         Map against which effects are named.
-    table
-        Measured rows, N of them.
-    effects
-        Effects to test.
     noise
         Noise of the rows; default: estimated from repeats, else declared or assumed.
-    settings
-        Limits of the procedure.
     around
         The base, fitted beside effects: around it all is linear. Default: fitted alone.
     """
@@ -679,11 +655,11 @@ def assemble(
     base_block = whitener @ base_columns(rows, base)
     response = whitener @ here.residual
     every, untestable = all_score_columns(rows, whitener, effects)
-    weights = _weights(response, base_block, every)
+    weights = robust_weights(response, base_block, every)
     projection = Projection.of(base_block, np.sqrt(weights))
     every += _refined_shapes(rows, whitener, response, every, projection)
     if around is not None:
-        y = projection.flat(projection.rest(response[:, :, None]))[:, 0]
+        y = projection.flat(projection.rest(response))
         every = in_threads(partial(_half_way, rows, whitener, projection, y), every)
     kept, absorbed = _not_absorbed(every, projection, base)
     del every  # the columns are a large part of the memory
@@ -707,21 +683,10 @@ def assemble(
         imitators=(),
         untestable=untestable | absorbed,
         normal=NormalEquations.of(none, response, groups, weights),
-        scale=1.0,
-        scale_freedom=0,
         base_error=_base_error(base, rows, whitener.each),
         settings=settings,
     )
     return _filled(bare, base_block, kept, projection)
-
-
-def _weights(response: F, base_block: F, every: Sequence[ScoreColumns]) -> F:
-    """Return (N,) robust weights beside the base and the shapes that explain most."""
-    plain = Projection.of(base_block, np.ones(len(response)))
-    y = plain.rest(response[:, :, None]).ravel()
-    first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
-    by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
-    return robust_weights(response, base_block, [one.columns for _, one in by_gain])
 
 
 def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Projection) -> Problem:
@@ -729,7 +694,7 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
     response, projected = bare.response, block[:, :, :0]
     if len(bare.base.coefficients) > bare.settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
-        response = projection.rest(response[:, :, None])[:, :, 0]
+        response = projection.rest(response)
         for i, one in enumerate(shapes):
             shapes[i] = replace(one, columns=projection.orthogonalised(one.columns))
         projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
@@ -769,7 +734,6 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
 def along_time(problem: Problem, slow: SlowPart) -> Problem:
     """Return the problem with its rows whitened along time as well, in noise of this slow part."""
     whitener = Whitener(problem.whitener.each, slow.along(problem.table))
-    response = whitener.in_time(problem.response[:, :, None])[:, :, 0]
     moved = replace(
         problem,
         design=whitener.in_time(problem.design),
@@ -777,9 +741,11 @@ def along_time(problem: Problem, slow: SlowPart) -> Problem:
     )
     block, shapes = _coefficients_of(moved), _shapes_of(moved)
     projection = Projection.of(block, np.sqrt(problem.weights))
-    noise = replace(problem.noise, slow=slow)
     bare = replace(
-        problem, noise=noise, whitener=whitener, response=response, scale=1.0, scale_freedom=0
+        problem,
+        noise=replace(problem.noise, slow=slow),
+        whitener=whitener,
+        response=whitener.in_time(problem.response),
     )
     return _filled(bare, block, shapes, projection)
 
@@ -808,22 +774,16 @@ def _shapes_of(problem: Problem, without: Container[str] = ()) -> list[ScoreColu
 def with_forms(
     problem: Problem, forms: Sequence[Effect], columns: Callable[[Effect], F]
 ) -> Problem:
-    """Return the problem with other forms of some effects; the rows are weighed anew beside them.
+    """Return the problem with these forms alone of their effects, beside which rows are weighed.
 
-    Parameters
-    ----------
-    forms
-        All forms to offer of each of these effects.
-    columns
-        (N, m, k) whitened `score_columns` of a form.
+    `columns` gives the (N, m, k) whitened `score_columns` of a form.
     """
     shapes = _shapes_of(problem, {form.id for form in forms})
     shapes += [ScoreColumns(form, columns(form)) for form in forms]
     block = _coefficients_of(problem)
-    weights = _weights(problem.response, block, shapes)
+    weights = robust_weights(problem.response, block, shapes)
     projection = Projection.of(block, np.sqrt(weights))
-    bare = replace(problem, weights=weights, scale=1.0, scale_freedom=0)
-    return _filled(bare, block, shapes, projection)
+    return _filled(replace(problem, weights=weights), block, shapes, projection)
 
 
 def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
@@ -884,9 +844,8 @@ def _scaled(problem: Problem) -> Problem:
     variance, freedom = noise_variance(
         problem.response, problem.weights, known, smooth, problem.settings.level
     )
-    if not freedom:
-        return problem
-    return replace(problem, scale=max(variance, _least_scale(problem)), scale_freedom=freedom)
+    scale = max(variance, _least_scale(problem)) if freedom else 1.0
+    return replace(problem, scale=scale, scale_freedom=freedom)
 
 
 def _least_scale(problem: Problem) -> float:
@@ -925,7 +884,7 @@ def noise_by_rest(problem: Problem) -> Noise:
     if noise.components:
         parts = (problem.base_block, _significant(problem), smooth)
         basis = orthonormal(problem.flat(np.concatenate(parts, axis=2)))
-        y = problem.flat(problem.response[:, :, None])[:, 0]
+        y = problem.flat(problem.response)
         left = np.maximum(1.0 - (basis**2).sum(axis=1), 0.1)
         squares = (y - basis @ (basis.T @ y)) ** 2 / left
         squares = squares.reshape(problem.response.shape) * np.square(noise.components)

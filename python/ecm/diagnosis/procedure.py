@@ -225,7 +225,7 @@ def _error_after(
     problem: Problem, effects: Sequence[Candidate], weighed: Problem | None = None
 ) -> float:
     """Return the error after the base and these effects, over the noise of this or another base."""
-    residual = _back(problem, residual_after(problem, effects))
+    residual = problem.whitener.back(residual_after(problem, effects))
     return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
 
 
@@ -249,13 +249,8 @@ def _errors_beside(
     block = problem.whitener @ base_columns(Rows(problem.table, base).quieted, base)
     projection = Projection.of(block, np.sqrt(problem.weights))
     for effects in sets:
-        residual = _back(problem, residual_after(problem, effects, projection))
+        residual = problem.whitener.back(residual_after(problem, effects, projection))
         yield _error(problem, residual, len(base.coefficients), effects)
-
-
-def _back(problem: Problem, whitened: F) -> F:
-    """Return the residual (N, m) in its units of a whitened one."""
-    return problem.whitener.back(whitened[:, :, None])[:, :, 0]
 
 
 def _error(
@@ -283,13 +278,6 @@ def in_slow_noise(
     of which nothing is known, an effect without a name may be a part: then the answer of white
     noise stands where anything is seen. Where nothing is, and it may be more than noise or lasts
     for much of the log, these rows cannot tell.
-
-    Parameters
-    ----------
-    white
-        The answer where each row errs by itself.
-    of_rows
-        Goes through the stages with other settings and beside a slow part.
     """
     problem, found = white.problem, white
     slow = _slow_part(problem, white.accepted.effects)
@@ -860,8 +848,7 @@ def _held(problem: Problem, prepared: Prepared) -> float:
     if not taken.any():
         return 0.0
     projection = Projection.of(problem.base_block, np.sqrt(problem.weights))
-    beside = projection.rest(problem.whitener @ taken[:, :, None])[:, :, 0]
-    return problem.squares_of(beside) / problem.scale
+    return problem.squares_of(projection.rest(problem.whitener @ taken)) / problem.scale
 
 
 def _alike(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:

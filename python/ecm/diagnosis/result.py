@@ -308,14 +308,7 @@ def report(
 ) -> Diagnosis:
     """Work out the sizes, limits, errors and experiments of a decision.
 
-    Parameters
-    ----------
-    model
-        The model that was diagnosed; gives the errors before.
-    seed
-        Seed that the decision was made with.
-    noise
-        Noise of the rows, where the user gave it.
+    Errors before are those of the model that was diagnosed. The noise is that of the user, if any.
     """
     judged = in_background(lambda: judge_given_model(model, decision, noise=noise))
     made = _report(decision, seed, judged)
@@ -392,12 +385,7 @@ def upper_bound(test: FTest, size: int) -> float:
     """Return the 95 % bound on the rms strength that a test leaves possible.
 
     At least the bound of an F as noise alone gives on the average: a small F is chance, and would
-    rule out a strength that the test cannot see.
-
-    Parameters
-    ----------
-    size
-        Rows times components.
+    rule out a strength that the test cannot see. The size is rows times components.
     """
     if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")

@@ -16,6 +16,7 @@ from ecm.diagnosis.problem import (
     Candidate,
     Problem,
     Projection,
+    best_of_each,
     score_columns,
     with_forms,
     with_more,
@@ -149,13 +150,14 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
 def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
     """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
     tried = of_others(problem.candidates, chosen)
+    drops = delta_chi2_of_each(problem, chosen, tried).tolist()
     penalty = float(np.log(problem.size))
-    best: dict[str, Ranked] = {}
-    for c, drop in zip(tried, delta_chi2_of_each(problem, chosen, tried).tolist(), strict=True):
-        bic = drop - c.parameters * penalty
-        if c.id not in best or bic > best[c.id].delta_bic:
-            best[c.id] = Ranked(c, drop, np.nan, bic)
-    return sorted(best.values(), key=lambda one: -one.delta_bic)
+    every = [
+        Ranked(c, drop, np.nan, drop - c.parameters * penalty)
+        for c, drop in zip(tried, drops, strict=True)
+    ]
+    best = best_of_each(every, [one.delta_bic for one in every])
+    return sorted((one for _, one in best.values()), key=lambda one: -one.delta_bic)
 
 
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
@@ -279,10 +281,7 @@ def explained_share(
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
     """Search the smallest set that explains the residual: all pairs, beam, swaps, pruning.
 
-    Parameters
-    ----------
-    ranking
-        Of `rank(problem)`, best first.
+    The ranking is that of `rank(problem)`.
     """
     least = problem.settings.least_bic
     best = tuple(first.candidate for first in ranking[:1])
@@ -394,13 +393,7 @@ _SLACK = 1e-9
 def bounded_estimate(
     problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
 ) -> Estimate:
-    """Fit base and chosen effects, the parameters of some of them within their bounds.
-
-    Parameters
-    ----------
-    bounded
-        The chosen effects whose bounds count.
-    """
+    """Fit base and chosen effects; of those that are `bounded` too the bounds count."""
     fit = estimate(problem, chosen)
     k = len(fit.theta)
     lower, upper = np.full(k, -np.inf), np.full(k, np.inf)
@@ -441,10 +434,7 @@ def held_out_t(problem: Problem, others: Sequence[Candidate], item: Candidate) -
 def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
     """Return (g,) held-out sums of squares of each group.
 
-    Parameters
-    ----------
-    kind
-        "pose": blocks of time are held out; "time": clusters of poses.
+    Of kind "pose" blocks of time are held out, of kind "time" clusters of poses.
     """
     columns, fold = problem.columns_of(chosen), _fold_of_group(problem, kind)
     projected = problem.normal_of_projected.rows()
@@ -454,10 +444,7 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
 def kind_of(chosen: Sequence[Candidate], held: Sequence[Effect] = ()) -> str:
     """Return what several effects are held out as: one of time leaks through folds of time.
 
-    Parameters
-    ----------
-    held
-        Effects that the model has already: its errors are compared with those of before it had.
+    Those that the model holds count: its errors are compared with those of before it had them.
     """
     effects = (*(item.effect for item in chosen), *held)
     return "time" if any(effect.kind == "time" for effect in effects) else "pose"
@@ -466,10 +453,7 @@ def kind_of(chosen: Sequence[Candidate], held: Sequence[Effect] = ()) -> str:
 def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") -> float:
     """Return the whitened root mean square on held-out rows that measure a pose.
 
-    Parameters
-    ----------
-    kind
-        Folds to use, so that errors may be compared; default: those of the chosen effects.
+    In the folds of a kind, so that errors may be compared; default: those of the chosen effects.
     """
     squares = held_out_squares(problem, chosen, kind or kind_of(chosen))
     weights = np.where(problem.scored, problem.weights, 0.0)
@@ -501,9 +485,8 @@ def _fold_of_group(problem: Problem, kind: str) -> I:
 
 def _scored_groups(problem: Problem) -> F:
     """Return (g,) the number of rows that count."""
-    count = len(problem.normal.squares)
-    scored = np.bincount(problem.groups, problem.scored.astype(np.float64), count)
-    return np.asarray(scored, dtype=np.float64)
+    scored = problem.scored.astype(np.float64)
+    return np.asarray(np.bincount(problem.groups, scored, len(problem.normal.squares)))
 
 
 @dataclass(frozen=True)
@@ -553,7 +536,7 @@ def _richer_form(
     known = problem.design[:, :, list(problem.columns_of(others))]
     beside = np.concatenate([problem.projected_base, known], axis=2)
     projection = Projection.of(beside, np.sqrt(problem.weights))
-    y = projection.flat(projection.rest(problem.response[:, :, None]))[:, 0]
+    y = projection.flat(projection.rest(problem.response))
     left = ColumnsOfParts(lambda part: projection.flat(projection.rest(whitened(part))))
 
     def gain(form: Effect) -> float:

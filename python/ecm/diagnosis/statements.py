@@ -64,12 +64,7 @@ Left = Callable[[F, F], F]
 def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Convention]:
     """Yield the points that fit these rows best, one for each kind.
 
-    Parameters
-    ----------
-    length_m
-        Length of the mechanism, which a shift along the axis may put right as well.
-    left
-        What the base leaves of other rows; its squares are minimised over the three coordinates.
+    The squares of what the base leaves are minimised over the three coordinates.
     """
     kinds = (
         (
@@ -151,17 +146,9 @@ class WrongStatement:
 def best_readings(
     base: StiffnessMap, poses: F, wrench: F, length_m: float | None
 ) -> list[Convention]:
-    """Return the readings of which a base leaves the least, the simplest first.
+    """Return the readings of which a base, fitted to each, leaves the least, the simplest first.
 
-    Parameters
-    ----------
-    base
-        Its coefficients are fitted to each reading.
-    poses, wrench
-        (N, 6) as stated, m and rad, N and N m.
-    length_m
-        Length of the mechanism; None where it is not known, then no origins are searched, and no
-        units of the pose are tried.
+    Where no length is known no origins are searched, and no units of the pose are tried.
     """
     try:
         as_stated = _columns(base, poses)
@@ -196,11 +183,8 @@ def best_of(
     """Return the readings that leave about the least squares, with these; none where it is above
     `most`, and of several that say the same of these columns the first.
 
-    Parameters
-    ----------
-    squares
-        (reading, poses, wrench) -> squares that are left of these as they are read; not finite, or
-        an error, where the columns or the model end.
+    `squares` gives those that are left of poses and wrench as a reading has them; not finite, or
+    an error, where the columns or the model end.
     """
     left: dict[bytes, tuple[float, Convention]] = {}
     for item in listed:
@@ -253,14 +237,9 @@ _GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
 def find_wrong_statement(
     problem: Problem, effects: Sequence[Candidate], before: float, after: float
 ) -> WrongStatement | None:
-    """Try other readings of the table; None where none explains it, or the effects do.
+    """Try other readings of the table; None where none explains it, or the accepted effects do.
 
-    Parameters
-    ----------
-    effects
-        The accepted effects.
-    before, after
-        Whitened rms of the base alone, and with the accepted effects.
+    Errors before and after are those of the base alone, and with these effects.
     """
     table = problem.table
     if not table.has(*POSE, *WRENCH):
@@ -369,13 +348,7 @@ _FAR = 3.0
 
 
 def stated_numbers(problem: Problem, final: JointFit) -> list[str]:
-    """Return what these rows say of E, nu, length and noise where it is not what was stated.
-
-    Parameters
-    ----------
-    final
-        Fit of the base together with the accepted effects.
-    """
+    """Return what these rows say of E, nu, length and noise where it is not what was stated."""
     said = (_elasticity(problem), _length(final), _beside_declared(problem))
     return [words for words in said if words]
 
@@ -439,13 +412,7 @@ def _elasticity(problem: Problem) -> str:
 
 
 def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
-    """Return what a payload of less than nothing means.
-
-    Parameters
-    ----------
-    effects
-        Accepted effects with their values.
-    """
+    """Return what a payload of less than nothing means."""
     said = []
     for item in effects:
         mass, sd = float(item.values[0]), float(item.sd[0])

@@ -34,15 +34,7 @@ _BY_PATH = ("hysteresis", "fts_hysteresis")
 
 
 def path_taken(table: Table, named: Iterable[str]) -> list[str]:
-    """Return from where each pose was taken to be reached, where a name rests on it unsaid.
-
-    Parameters
-    ----------
-    table
-        Measurements.
-    named
-        Ids of the answer.
-    """
+    """Return from where each pose was taken to be reached, where a name rests on it unsaid."""
     full = table.has(*POSE, *WRENCH) and not table.continuous
     ids = [id for id in _BY_PATH if id in set(named)]
     if not ids or not full or table.has("approach"):

@@ -138,16 +138,10 @@ def verdict(
     describe: Describe = describe_residual,
     white: Callable[[Problem], Pattern | None] = find_pattern,
 ) -> Decision:
-    """Give the headline.
+    """Give the headline of what the stages before found.
 
-    Parameters
-    ----------
-    found
-        What the stages before found.
-    describe
-        Function that puts what is left into words.
-    white
-        Function that looks for a pattern before `none` or a name is said.
+    `describe` puts what is left into words; `white` looks for a pattern before `none` or a name is
+    said.
     """
     problem, gate, accepted, left = found.problem, found.gate, found.accepted, found.left
     if (wrong := _wrong_statement(found)) is not None:

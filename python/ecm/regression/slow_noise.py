@@ -193,7 +193,9 @@ class Whitener:
         return self.in_time(np.asarray(self.each @ columns))
 
     def in_time(self, whitened: F) -> F:
-        """(N, m, k) whitened along time of columns (N, m, k) that are whitened row by row."""
+        """(N, m, k) or (N, m) whitened along time, of what is whitened row by row."""
+        if whitened.ndim == 2:
+            return self.in_time(whitened[:, :, None])[:, :, 0]
         return whitened if self.slow is None else self.slow(whitened)
 
     def along_rows(self, whitened: F) -> F:
@@ -203,7 +205,9 @@ class Whitener:
         return whitened if self.slow is None else self.slow.back(whitened)
 
     def back(self, whitened: F) -> F:
-        """(N, m, k) columns of whitened ones (N, m, k)."""
+        """(N, m, k) or (N, m) in their units, of what is whitened."""
+        if whitened.ndim == 2:
+            return self.back(whitened[:, :, None])[:, :, 0]
         return np.asarray(np.linalg.solve(self.each, self.along_rows(whitened)))
 
 
