@@ -472,17 +472,14 @@ class Unknown:
     """Noise that stays alike along time, which gives as much as any effect would."""
 
 
-def describe_residual(
-    problem: Problem, residual: F, chosen: Sequence[Candidate], total: float
-) -> Unknown:
-    """Describe a whitened residual (N, m): what it follows, words, nearest effect, template.
+def describe_residual(problem: Problem, chosen: Sequence[Candidate], total: float) -> Unknown:
+    """Describe what chosen effects leave: what it follows, words, nearest effect, template.
 
-    The share of the nearest effect, beside those that are accepted already, is that in the total
-    that smooth functions explain, over the noise scale.
+    The share of the nearest effect is that in the total that smooth functions explain, over the
+    noise scale.
     """
-    n = len(residual)
-    values, names = features(problem.rows, max(1, min(90, n // 3)))
-    terms = _terms(problem, residual, values)
+    values, names = features(problem.rows, max(1, min(90, len(problem.response) // 3)))
+    terms = _terms(problem, residual_after(problem, chosen), values)
     outputs = problem.base.outputs
     listed = [(names[j], outputs[c], size) for j, c, size in terms]
     known = (*problem.rows.base.inputs, *covariates(problem.rows))

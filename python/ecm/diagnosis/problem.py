@@ -383,22 +383,8 @@ def significant_columns(
 ) -> I:
     """Return the columns of the effects that are significant, each beside those before it.
 
-    Parameters
-    ----------
-    squares
-        Sum of squares that the fixed columns leave, of so many degrees of `freedom`.
-    shapes
-        Id and columns of every shape of every effect.
-    level
-        Chance that any is taken where none explains anything, by Bonferroni over the shapes.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal((40, 3))
-    >>> y = 3.0 * x[:, 1] + 0.1 * np.cos(np.arange(40.0))
-    >>> shapes = [("a", (0,)), ("b", (1,)), ("c", (2,))]
-    >>> significant_columns((x.T @ x, x.T @ y), float(y @ y), 40, (), shapes, 0.01).tolist()
-    [1]
+    The fixed columns leave the squares, of so many degrees of freedom. Of the shapes, id and
+    columns of each, any is taken with the chance `level` where none explains anything (Bonferroni).
     """
     taken: list[int] = []
     present: set[str] = set()

@@ -498,13 +498,9 @@ def find_missing(
 ) -> Decision:
     """Go through the stages up to the verdict, without the parts of the report.
 
-    Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
-    effects are named against the symmetric energy model instead. Where the residual of a log stays
-    alike for some rows, effects count that explain more than they would of such noise. Where none
-    does, or without a time, as many rows are asked as would be independent; where these still lack
-    something, slow noise is said in place of a name. Where nothing is said of a base that errs far
-    on held-out rows, those of lower degrees are asked, one after the other; where a polynomial
-    lacks a form of the pose, or errs beyond the noise, one of more degrees that lowers the BIC.
+    Parameters are those of `diagnose`. The stages are gone through against the base of the model,
+    against others that may fit the body better, in slow noise where a log shows it, and against
+    more degrees of the base or fewer.
 
     Examples
     --------
@@ -655,8 +651,7 @@ def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decisi
     if unknown is None or (family is not None and unknown.pattern is None):
         # All follows the driver: what imitates a part of that is no name, and takes nothing off.
         effects = accepted.effects if family is None else ()
-        left = residual_after(problem, effects)
-        unknown = describe(problem, left, effects, decision.gate.structure)
+        unknown = describe(problem, effects, decision.gate.structure)
     decision = replace(decision, verdict="unknown", unknown=unknown)
     if family is None:
         if chances.of_pose >= SURE and not set(unknown.variables) <= set(problem.base.inputs):
@@ -720,12 +715,10 @@ def _against_the_bases(
             # Without a name it must leave nothing: beside it other effects imitate the rest.
             if (decision.answer or again.verdict == "none") and not is_wild:
                 decision = min(decision, again, key=weighed)
-    if decision.statement is not None:
-        return decision
-    if not may_be_another_body(decision):
+    if decision.statement is not None or not may_be_another_body(decision):
         return decision
     energy = against(symmetric_energy(decision.prepared.unexplained))
-    return against_energy(decision, energy, stages)
+    return against_energy(decision, energy, stages.describe)
 
 
 def _less_symmetry(base: StiffnessMap, model: Model) -> str:
@@ -879,7 +872,9 @@ def may_be_another_body(decision: Decision) -> bool:
     return decision.left.strength(problem) >= least
 
 
-def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES) -> Decision:
+def against_energy(
+    physics: Decision, energy: Decision, describe: Callable[..., Unknown]
+) -> Decision:
     """Choose between the verdicts against the stated body and the symmetric energy model.
 
     What the physics leaves and the energy explains is elasticity or geometry that keeps the
@@ -898,5 +893,5 @@ def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES)
     energy = replace(energy, warnings=(f"{words}; {advice}",))
     if energy.verdict != "none":
         return energy
-    everything = stages.describe(problem, residual_after(problem, ()), (), physics.gate.structure)
+    everything = describe(problem, (), physics.gate.structure)
     return replace(energy, verdict="unknown", unknown=replace(everything, words=words))

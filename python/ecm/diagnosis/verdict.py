@@ -105,8 +105,7 @@ class Decision:
     @property
     def slow_noise(self) -> SlowNoise | None:
         """Slow part of the noise of a log; None where there is none."""
-        problem = self.problem
-        slow = problem.noise.slow
+        slow = self.problem.noise.slow
         return None if slow is None else slow.said(self.gate.p)
 
     @property
@@ -121,8 +120,7 @@ class Decision:
 
     def without_names(self, describe: Describe, words: str, **seen: Any) -> Decision:
         """Return `unknown` with all structure said to be this, where no name and no draft helps."""
-        problem = self.problem
-        everything = describe(problem, residual_after(problem, ()), (), self.gate.structure)
+        everything = describe(self.problem, (), self.gate.structure)
         said = {"words": words, "nearest": None, "template": ""} | seen
         return replace(
             self,
@@ -161,8 +159,7 @@ def verdict(
         found = replace(found, accepted=accepted)
     if not accepted.effects and _nothing_is_likely(found, still):
         return found
-    residual = residual_after(problem, accepted.effects)
-    unknown = describe(problem, residual, accepted.effects, gate.structure)
+    unknown = describe(problem, accepted.effects, gate.structure)
     return replace(found, verdict="unknown", unknown=unknown)
 
 
