@@ -32,7 +32,6 @@ from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
     Pattern,
-    Unknown,
     describe_residual,
     find_pattern,
     gate,
@@ -69,7 +68,14 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import Decision, is_unlikely, probability, verdict, with_names
+from ecm.diagnosis.verdict import (
+    Decision,
+    Describe,
+    is_unlikely,
+    probability,
+    verdict,
+    with_names,
+)
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -120,12 +126,10 @@ def less_symmetric_energies(decision: Decision, given: StiffnessMap) -> list[Sti
     where the base is no symmetric energy.
     """
     problem = decision.problem
-    whole = whole_map(problem.base)
-    if not isinstance(whole, EnergyMap) or whole.model.symmetry != "alike":
+    if _symmetry(problem.base) != "alike":
         return []
     tried: list[Symmetry] = ["revolution"]
-    has_none = isinstance(given, EnergyMap) and given.model.symmetry == "general"
-    if has_none or _tells_less_than_half(problem):
+    if _symmetry(given) == "general" or _tells_less_than_half(problem):
         tried.append("general")
     better: list[StiffnessMap] = []
     # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
@@ -138,6 +142,12 @@ def less_symmetric_energies(decision: Decision, given: StiffnessMap) -> list[Sti
                 better.append(base)
                 most = _BY_ITSELF * error
     return better
+
+
+def _symmetry(base: StiffnessMap) -> str:
+    """That of an energy; empty of any other map."""
+    whole = whole_map(base)
+    return whole.model.symmetry if isinstance(whole, EnergyMap) else ""
 
 
 def _tells_less_than_half(problem: Problem) -> bool:
@@ -376,7 +386,7 @@ class Stages:
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
     verdict: Callable[..., Decision] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
-    describe: Callable[..., Unknown] = describe_residual
+    describe: Describe = describe_residual
 
 
 STAGES = Stages()
@@ -609,9 +619,7 @@ def _with_given_form(
     with suppress(ModelError, InputError):  # the rows do not hold its coefficients
         if isinstance(own, PolynomialMap) and not isinstance(base, PolynomialMap):
             form = fit_base(problem.table.measured(), PolynomialModel(own.model.degree))
-        elif isinstance(own, EnergyMap) and (
-            not isinstance(base, EnergyMap) or own.model.symmetry != base.model.symmetry
-        ):
+        elif isinstance(own, EnergyMap) and own.model.symmetry != _symmetry(base):
             form = energy_with(cast(Symmetry, own.model.symmetry), problem.table)
         else:
             return decision
@@ -621,7 +629,7 @@ def _with_given_form(
     return decision
 
 
-def _with_family(decision: Decision, describe: Callable[..., Unknown]) -> Decision:
+def _with_family(decision: Decision, describe: Describe) -> Decision:
     """Return the decision with the family in place of `unknown`, where one is sure.
 
     Names that all else outweighs nine to one are no more than a part of what is missing; where
@@ -693,18 +701,16 @@ def _against_the_bases(
     if decision.verdict != "none":
         said, first = decision.statement, decision.problem
         most = EQUAL**0.5 * said.error_after if said else _BESIDE_NAMES * _error_left(decision)
-        asked = set()
-        for other in less_symmetric_energies(decision, whole_map(model.base)):
+        energies = less_symmetric_energies(decision, model.base)
+        for other in energies:
             again = against(other)
-            symmetry = cast(EnergyMap, whole_map(other)).model.symmetry
-            asked.add(symmetry)
             # As the error of another reading of the table: over the noise of its own base.
             left = _error_left(again, None if said else first)
             if left < most:
                 or_else = (f"or {said.sentence()}",) if said else ()
                 decision = replace(again, warnings=(_less_symmetry(other, model), *or_else))
                 most = _BESIDE_NAMES * left
-        if "general" not in asked:
+        if "general" not in map(_symmetry, energies):
             decision = _without_symmetry(model, decision, against)
         richer = richer_polynomial(decision)
         if richer is not None:
@@ -723,7 +729,7 @@ def _against_the_bases(
 
 def _less_symmetry(base: StiffnessMap, model: Model) -> str:
     """What a base says of the body, and which one to fit where that was not given."""
-    words = _LESS_SYMMETRY[cast(EnergyMap, whole_map(base)).model.symmetry]
+    words = _LESS_SYMMETRY[_symmetry(base)]
     return words if model.base.name == base.name else f"{words}; fit {base.name}"
 
 
@@ -735,8 +741,8 @@ def _without_symmetry(
     By itself it need not fit better: of many coefficients, those rows lead astray that an effect
     spoils. Where it leaves something without a name that is no more than known before.
     """
-    base, left = whole_map(decision.problem.base), _error_left(decision)
-    symmetric = isinstance(base, EnergyMap) and base.model.symmetry != "general"
+    left = _error_left(decision)
+    symmetric = _symmetry(decision.problem.base) in ("alike", "revolution")
     told = decision.verdict != "unknown" and left <= FAR_BEYOND_NOISE
     least = _BY_ITSELF * left <= _floor(decision.problem)
     if told or least or not symmetric or decision.statement is not None:
@@ -872,9 +878,7 @@ def may_be_another_body(decision: Decision) -> bool:
     return decision.left.strength(problem) >= least
 
 
-def against_energy(
-    physics: Decision, energy: Decision, describe: Callable[..., Unknown]
-) -> Decision:
+def against_energy(physics: Decision, energy: Decision, describe: Describe) -> Decision:
     """Choose between the verdicts against the stated body and the symmetric energy model.
 
     What the physics leaves and the energy explains is elasticity or geometry that keeps the

@@ -61,7 +61,7 @@ from ecm.models.check import NotTestable
 from ecm.models.errors import Ceiling, ceiling_rms
 from ecm.models.joint_fit import FittedEffect, JointFit
 from ecm.models.model import Model
-from ecm.models.partial import MeasuredMap
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import Addition
 from ecm.regression.f_test import FTest
@@ -459,7 +459,7 @@ def _held_out(
 def _base_summary(problem: Problem) -> BaseSummary:
     """The base, its own error, and that of its mesh beside what its coefficients take in."""
     base = problem.base
-    whole = base.whole if isinstance(base, MeasuredMap) else base
+    whole = whole_map(base)
     shares = whole.mesh_shares if isinstance(whole, PhysicsMap) else None
     free = len(base.coefficients)
     block = problem.base_block.reshape(problem.response.size, -1)

@@ -196,11 +196,10 @@ def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     """Whether each effect of a set is needed, by BIC and by its share of what is explained."""
     total = delta_chi2(problem, chosen)
     for item in chosen:
-        others = without(chosen, item)
-        known = delta_chi2(problem, others)
-        if total - known - item.parameters * np.log(problem.size) < problem.settings.least_bic:
+        gained = total - delta_chi2(problem, without(chosen, item))
+        if gained - item.parameters * np.log(problem.size) < problem.settings.least_bic:
             return False
-        if others and explained_share(problem, item, others, known, total) < FORM_SHARE:
+        if len(chosen) > 1 and explained_share(problem, chosen, item) < FORM_SHARE:
             return False
     # What the forms of the model's own effects leave is no further cause, unless it follows a
     # column by itself, or all is noise beside this set: no other form would follow one so closely.
@@ -264,18 +263,18 @@ def left_beyond_noise(problem: Problem, chosen: Sequence[Candidate]) -> float:
     return beyond_noise(problem) - delta_chi2(problem, chosen) + parameters
 
 
-def explained_share(
-    problem: Problem, item: Candidate, others: Sequence[Candidate], known: float, total: float
-) -> float:
-    """Return the share of an effect in the delta chi² of all, `total`; `known` is of the others.
+def explained_share(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
+    """Return the share of a chosen effect in the delta chi² of all that are chosen.
 
     What the form of the others leaves does not follow a recorded column that none of them follows:
     of an effect of that column it is the share in what they leave, however much they explain.
     """
+    others = without(chosen, item)
+    whole, known = delta_chi2(problem, chosen), delta_chi2(problem, others)
+    gained = whole - known
     if others and follows_alone(item.effect, [one.effect for one in others]):
-        left = problem.squares_beside_base / problem.scale - known
-        return (total - known) / max(left, 1e-300)
-    return (total - known) / max(total, 1e-300)
+        whole = problem.squares_beside_base / problem.scale - known
+    return gained / max(whole, 1e-300)
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:

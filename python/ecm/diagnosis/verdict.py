@@ -14,7 +14,7 @@ for a name or a class, x = (1, log odds of nothing in the posterior) for `none`,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -35,14 +35,13 @@ from ecm.diagnosis.left_over import (
     runs_apart,
 )
 from ecm.diagnosis.preparation import Prepared
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import (
     Ranked,
     Refinement,
     delta_chi2,
     explained_share,
     seen_in_repeats,
-    without,
 )
 from ecm.diagnosis.statements import (
     NoiseFinding,
@@ -248,16 +247,6 @@ _LEAST_LEFT, _CHANCE = 0.003, 5.0
 """Share, and chi^2, that names leave below which less tells no more: form and chance leave them."""
 
 
-def _shares(problem: Problem, effects: Sequence[Candidate]) -> list[float]:
-    """Return each effect's share in what all explain."""
-    total = delta_chi2(problem, effects)
-    beside = [(item, without(effects, item)) for item in effects]
-    return [
-        explained_share(problem, item, others, delta_chi2(problem, others), total)
-        for item, others in beside
-    ]
-
-
 def is_unlikely(found: Decision) -> bool:
     """Whether names are less likely than not."""
     return probability(replace(found, verdict="named")) < _AS_LIKELY
@@ -266,10 +255,10 @@ def is_unlikely(found: Decision) -> bool:
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     """Return the key in `WEIGHTS` and x of a verdict."""
     if decision.verdict in ("named", "ambiguous") and not decision.fewer_tried:
-        effects, classes = decision.accepted.effects, decision.accepted.classes
-        members = float(max(len(one) for one in classes))
-        share = min(1.0, *_shares(decision.problem, effects))
-        chance = _CHANCE / max(delta_chi2(decision.problem, effects), _CHANCE)
+        problem, effects = decision.problem, decision.accepted.effects
+        members = float(max(len(one) for one in decision.accepted.classes))
+        share = min(1.0, *(explained_share(problem, effects, item) for item in effects))
+        chance = _CHANCE / max(delta_chi2(problem, effects), _CHANCE)
         left = max(decision.left.share, _LEAST_LEFT, chance)
         return "named", (1.0, members, float(np.log(max(share, 1e-9))), float(np.log(left)))
     if decision.verdict == "none":
