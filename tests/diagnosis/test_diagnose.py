@@ -128,9 +128,7 @@ def test_two_unlikely_effects_that_explain_what_follows_one_driver_are_said(
     found = find_missing(model(), hidden)
     assert {members[0] for members in found.answer} == {"temperature_modulus", "thermal_expansion"}
     assert probability(replace(found, fewer_tried=False)) < 0.5
-    family = replace(
-        found, verdict="family", fewer_tried=False, family=Family("", 1, (), "", (), "", 0)
-    )
+    family = replace(found, fewer_tried=False, family=Family("", 1, (), "", (), "", 0))
     assert probability(found) == probability(family)
 
 

@@ -95,8 +95,7 @@ def structure_test(rows: Rows, whitened: F, whitener: F, *, fitted: F | None) ->
     few = (motion, steps, _higher_degrees(rows, beyond))
     beside += [beside[0].of_others(in_each_component(whitener, f)) for f in few if f.shape[1]]
     tests = [one.with_sign_chance(one.omnibus_test()) for one in beside]
-    cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
-    repeated = lack_of_fit(whitened, cells, own.shape[2], weights)
+    repeated = lack_of_fit(whitened, repeat_cells(rows.table), own.shape[2], weights)
     if repeated is not None:
         tests.append(repeated)
     finite = [test for test in tests if np.isfinite(test.F)]

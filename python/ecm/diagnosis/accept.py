@@ -87,8 +87,6 @@ def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequ
     The matrix (K, K) holds the products of all columns.
     """
     total = float(values @ matrix[np.ix_(columns, columns)] @ values)
-    if not fixed:
-        return total
     cross = matrix[np.ix_(fixed, columns)] @ values
     return max(total - float(cross @ solve(matrix[np.ix_(fixed, fixed)], cross)), 0.0)
 
@@ -316,10 +314,9 @@ def confusion_class(
     if plain is not None and by_far:
         # They are of one form: what the form may leave says nothing about which of them it is.
         nearest.pop(plain.id, None)
-    near = [id for id, loss in nearest.items() if loss < problem.settings.least_bic]
-    # Rivals that only look alike, and lose in BIC: a long list names nothing.
-    alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
-    members = [item.id, *near, *alike_only]
+    near = sum(loss < problem.settings.least_bic for loss in nearest.values())
+    # Of rivals that only look alike, and lose in BIC, a long list names nothing.
+    members = [item.id, *list(nearest)[: max(near, most - 1)]]
     offered = {c.id for c in problem.offered} - {other.id for other in chosen}
     if plain is None or explains_more or plain.id not in offered.difference(members):
         return members

@@ -91,10 +91,9 @@ def gate(problem: Problem) -> Gate:
         test = by_component.omnibus_test()
     # Components that err together are no independent readings.
     tests = [by_component.with_sign_chance(test)]
-    rows = np.arange(len(problem.table))
     cells = lack_of_fit(
         problem.response,
-        np.where(problem.scored, repeat_cells(problem.table), -1 - rows),
+        repeat_cells(problem.table),
         len(problem.base.coefficients),
         problem.weights * problem.scored,
     )
@@ -239,10 +238,10 @@ def _periods(problem: Problem, left: F, counted: B) -> Iterator[Pattern]:
     # Two columns of one frequency; each frequency is a test. The base took its part before.
     freedom = max(0.0, n * (1.0 - problem.base_block.shape[2] / problem.size) - 2.0)
     load = (problem.whitener.each @ problem.rows.wrench[:, :, None])[counted, :, 0]
-    series = [(outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n)) for j in range(len(outputs))]
-    of_each = {words: [(along, own)] for words, along, own in series}
-    if len(series) > 1:
-        of_each["the wrench"] = [(along, own) for _, along, own in series]
+    once = np.ones(n)
+    of_each = {outputs[j].rsplit("_", 1)[0]: [(left[:, j], once)] for j in range(len(outputs))}
+    if len(outputs) > 1:
+        of_each[_WHOLE] = [part for (part,) in of_each.values()]
     of_each["the stiffness"] = [((load * left).sum(axis=1), (load**2).sum(axis=1))]
     found: list[tuple[float, Pattern]] = []
     for words, parts in of_each.items():
@@ -392,16 +391,10 @@ def effect_template(
     outputs: Sequence[str],
     texts: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return Python text of ten lines that registers an effect.
+    """Return Python text of ten lines that registers an effect: a component follows factors.
 
-    Parameters
-    ----------
-    factors
-        What the component follows, such as ("time_s", "x_m"); none: it is constant.
-    component
-        One of the outputs of the base, or "the wrench": a change of all of them by a factor.
-    texts
-        Python text of factors that are no columns.
+    Without factors it is constant. It is one of the outputs of the base, or "the wrench": a change
+    of all of them by a factor. Texts stand for factors that are no columns.
     """
     feature = "*".join(factors) or "constant"
     known = {**_STANDARD, **texts}

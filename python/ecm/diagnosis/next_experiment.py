@@ -26,7 +26,7 @@ from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.accept import confusion_class, squares_left_after
 from ecm.diagnosis.problem import Candidate, Problem, score_columns
-from ecm.diagnosis.search import delta_chi2, estimate
+from ecm.diagnosis.search import delta_chi2, estimate, without
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Rows, all_effects
 from ecm.effects.experiments import MINUTES_BY_HAND, SEPARATOR, Experiment, get_experiment
@@ -123,7 +123,9 @@ class ConfusionClass:
     shapes: Mapping[str, Sequence[Candidate]]
 
     @staticmethod
-    def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> ConfusionClass:
+    def of(
+        problem: Problem, others: tuple[Candidate, ...], members: Sequence[str]
+    ) -> ConfusionClass:
         """Return the class with the best shapes of each member, beside the other effects."""
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
@@ -131,7 +133,7 @@ class ConfusionClass:
             own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
                 shapes[id] = [form for one in own[:_SHAPES_COMPARED] for form in _joined_forms(one)]
-        return ConfusionClass(problem, tuple(others), shapes)
+        return ConfusionClass(problem, others, shapes)
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -329,10 +331,8 @@ def next_experiments(
         if len(members) > 1:
             # The next rivals that look alike would take a member's place.
             rivals = [*members, *confusion_class(problem, chosen, item, most=_MOST_COMPARED)]
-            others = [other for other in chosen if other is not item]
-            groups.append(
-                ConfusionClass.of(problem, others, list(dict.fromkeys(rivals))[:_MOST_COMPARED])
-            )
+            few = list(dict.fromkeys(rivals))[:_MOST_COMPARED]
+            groups.append(ConfusionClass.of(problem, without(chosen, item), few))
     return _Choice(problem.table, groups, _offered(problem, groups)).proposals()
 
 

@@ -156,7 +156,7 @@ class Projection:
         def of_part(flat: F, cuts: I) -> list[float]:
             total = (flat**2).sum(axis=0)
             inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
-            shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
+            shares = np.divide(inside, total, out=np.ones_like(total), where=total > 0.0)
             return [float(own.min(initial=1.0)) for own in np.split(shares, cuts)]
 
         return self._of_each(blocks, of_part)
@@ -627,7 +627,6 @@ def assemble(
     around
         The base, fitted beside effects: around it all is linear. Default: fitted alone.
     """
-    rows = Rows(table, base)
     if noise is None:
         base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
         rows = Rows(table, base)

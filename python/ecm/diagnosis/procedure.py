@@ -68,14 +68,7 @@ from ecm.diagnosis.statements import (
     ratio_warning,
     with_load_growth,
 )
-from ecm.diagnosis.verdict import (
-    Decision,
-    Describe,
-    is_unlikely,
-    probability,
-    verdict,
-    with_names,
-)
+from ecm.diagnosis.verdict import Decision, Describe, is_unlikely, probability, verdict
 from ecm.effects import Effect
 from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
@@ -326,8 +319,8 @@ def in_slow_noise(
     if not unclear:
         return found
     said = alone.said(found.gate.p)
-    columns = {"variables": ("time_s",), "slow_noise": said}
-    return white.without_names(stages.describe, said.words(), **columns)
+    seen = {"variables": ("time_s",), "slow_noise": said}
+    return white.without_names(stages.describe, said.words(), **seen)
 
 
 _OF_TIME = "time_s", "row"
@@ -642,7 +635,7 @@ def _with_family(decision: Decision, describe: Describe) -> Decision:
     chances = posterior(problem, accepted.effects)
     if unknown is None:
         if chances.nothing_is_likeliest:
-            return replace(decision, accepted=Accepted(checks=accepted.checks), verdict="none")
+            return replace(decision, accepted=Accepted(checks=accepted.checks))
         if chances.of_effects >= 1.0 - SURE:
             fallen = _without_outweighed(decision)
             if fallen is None:
@@ -660,7 +653,6 @@ def _with_family(decision: Decision, describe: Describe) -> Decision:
         # All follows the driver: what imitates a part of that is no name, and takes nothing off.
         effects = accepted.effects if family is None else ()
         unknown = describe(problem, effects, decision.gate.structure)
-    decision = replace(decision, verdict="unknown", unknown=unknown)
     if family is None:
         if chances.of_pose >= SURE and not set(unknown.variables) <= set(problem.base.inputs):
             words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
@@ -668,7 +660,7 @@ def _with_family(decision: Decision, describe: Describe) -> Decision:
         return replace(decision, unknown=unknown)
     variables = tuple(dict.fromkeys([*family.columns, *unknown.variables]))
     unknown = replace(unknown, variables=variables, template=family.draft)
-    said = replace(decision, verdict="family", unknown=unknown, family=family)
+    said = replace(decision, unknown=unknown, family=family)
     return replace(said, family=replace(family, probability=probability(said)))
 
 
@@ -833,7 +825,7 @@ def go_on(begun: Begun, seed: int, stages: Stages, slow: SlowPart | None = None)
         )  # fmt: skip
         if len(accepted.effects) < 2 or left.remains or not is_unlikely(found):
             break
-        several = replace(with_names(found), fewer_tried=True)
+        several = replace(found, fewer_tried=True)
         # The best set of fewer effects need not be a part of this one.
         fewer = replace(settings, most_effects=len(accepted.effects) - 1)
         chosen = stages.search(replace(problem, settings=fewer), ranking)
@@ -898,4 +890,4 @@ def against_energy(physics: Decision, energy: Decision, describe: Describe) -> D
     if energy.verdict != "none":
         return energy
     everything = describe(problem, (), physics.gate.structure)
-    return replace(energy, verdict="unknown", unknown=replace(everything, words=words))
+    return replace(energy, unknown=replace(everything, words=words))

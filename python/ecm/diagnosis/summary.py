@@ -156,17 +156,15 @@ def _missing_beside(document: Mapping[str, Any]) -> str:
         ways = document.get("directions") or {}
         sizes = {item["id"]: _sized(item, ways.get(item["id"])) for item in document["effects"]}
         causes = [
-            f"{' or '.join(f'{id} ({ways[id]})' if id in ways else id for id in members)} "
+            f"{' or '.join(_named(document, id, False) for id in members)} "
             "(these data cannot tell them apart)"
             if len(members) > 1
             else ", ".join([sizes.get(members[0], members[0]), *_or_else(document, members[0])])
             for members in document["answer"]
         ]
-        model = document["model"]
-        moved = model["answer"] == "effect" and model.get("scale") is not None
-        factor = (
-            f"; the wrench is {model['scale']:.3g} times that of {model['name']}" if moved else ""
-        )
+        model, factor = document["model"], ""
+        if model["answer"] == "effect" and "scale" in model:
+            factor = f"; the wrench is {model['scale']:.3g} times that of {model['name']}"
         return f"{' and '.join(causes)}{likely}; {_fall(document)}{factor}"
     family, unknown = document.get("family"), document["unknown"]
     if family is not None:
@@ -416,14 +414,8 @@ def diagnosis_report(
 ) -> Report:
     """Return three lines, verdict, unknown structure, residual maps, ranking, limits, what is next.
 
-    Parameters
-    ----------
-    document
-        The diagnosis as plain values (`Diagnosis.to_dict`).
-    compared
-        Comparison of the model before with the same rows, for the residual maps.
-    predicted
-        (N, m) what the effects of the answer add to the wrench of its rows.
+    Of a diagnosis as plain values (`Diagnosis.to_dict`). The maps are those of the model before,
+    compared with the same rows, and show what the answer adds (N, m) to the wrench of these.
     """
     lines = [[words, document["summary"][key]] for key, words in LINES]
     sections = [

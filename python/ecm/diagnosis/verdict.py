@@ -3,12 +3,7 @@
 The chance of chance alone is far below 1e-6 for nearly every name; what makes names wrong is that
 another cause looks alike, or that the truth is in no catalogue. So the probability is the share of
 right verdicts of the same evidence among sets whose cause is known (Platt 1999): logit P = w'x,
-
-    x = (1, members of the largest class, log of the share of the weakest effect in what all effects
-         explain, log of the share that they leave)
-
-for a name or a class, x = (1, log odds of nothing in the posterior) for `none`, and x = (1) for
-`unknown` and a family. Beside effects of the model the odds of a name are nine to one less.
+x of `evidence`. Beside effects of the model the odds of a name are nine to one less.
 `benches/blind_calibration.py` fits w and prints how often verdicts of each probability were right.
 """
 
@@ -71,7 +66,6 @@ class Decision:
     accepted: Accepted
     """Effects that count: none of them where the table or the stated body is wrong."""
     left: Leftover
-    verdict: Headline = "none"
     unknown: Unknown | None = None
     """What is left without a name."""
     warnings: tuple[str, ...] = ()
@@ -83,6 +77,16 @@ class Decision:
     """With more effects, by themselves less likely than not."""
     fewer_tried: bool = False
     """Whether the best set of fewer effects was asked in place of these."""
+
+    @property
+    def verdict(self) -> Headline:
+        """The headline: accepted effects are the answer where nothing else is said."""
+        if self.family is not None:
+            return "family"
+        if self.unknown is not None:
+            return "unknown"
+        most = max(map(len, self.accepted.classes), default=0)
+        return "none" if most == 0 else "named" if most == 1 else "ambiguous"
 
     @property
     def answer(self) -> tuple[tuple[str, ...], ...]:
@@ -124,7 +128,6 @@ class Decision:
         return replace(
             self,
             accepted=Accepted(checks=self.accepted.checks),
-            verdict="unknown",
             unknown=replace(everything, **said),
         )
 
@@ -152,20 +155,14 @@ def verdict(
         return found.without_names(describe, pattern.words, variables=variables, pattern=pattern)
     if accepted.effects and not left.remains:
         if not is_unlikely(found):
-            return with_names(found)
+            return found
         # Less likely than not: none of the effects counts.
         accepted, still = Accepted(checks=accepted.checks), gate.rejected
         found = replace(found, accepted=accepted)
     if not accepted.effects and _nothing_is_likely(found, still):
         return found
     unknown = describe(problem, accepted.effects, gate.structure)
-    return replace(found, verdict="unknown", unknown=unknown)
-
-
-def with_names(found: Decision) -> Decision:
-    """Return the decision that says what is accepted."""
-    single = all(len(members) == 1 for members in found.accepted.classes)
-    return replace(found, verdict="named" if single else "ambiguous")
+    return replace(found, unknown=unknown)
 
 
 def _nothing_is_likely(found: Decision, still: bool) -> bool:
@@ -249,12 +246,12 @@ _LEAST_LEFT, _CHANCE = 0.003, 5.0
 
 def is_unlikely(found: Decision) -> bool:
     """Whether names are less likely than not."""
-    return probability(replace(found, verdict="named")) < _AS_LIKELY
+    return probability(found) < _AS_LIKELY
 
 
 def evidence(decision: Decision) -> tuple[str, tuple[float, ...]]:
     """Return the key in `WEIGHTS` and x of a verdict."""
-    if decision.verdict in ("named", "ambiguous") and not decision.fewer_tried:
+    if decision.answer and not decision.fewer_tried:
         problem, effects = decision.problem, decision.accepted.effects
         members = float(max(len(one) for one in decision.accepted.classes))
         share = min(1.0, *(explained_share(problem, effects, item) for item in effects))
