@@ -100,13 +100,6 @@ def look_at(rows: Table, plan: Table, model: Model | None = None, seed: int = 0)
     """Diagnose the measured rows so far, of a plan of all that can be measured.
 
     Without a model that lacks something it is the energy of the least AIC of the rows.
-
-    Examples
-    --------
-    >>> import ecm
-    >>> rows = ecm.as_table({"x_m": [0.1, 0.101], "fx_N": [0.0, 1.0]})
-    >>> look_at(rows, rows)
-    Look(names=(), wrong=1.0, told=None)
     """
     try:
         if model is None:

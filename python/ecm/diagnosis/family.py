@@ -95,13 +95,10 @@ class Family:
     probability: float = 0.0
     """That one of the drivers is right."""
 
-    def drives(self, classes: Sequence[Sequence[str]]) -> bool:
-        """Whether each class has an effect that follows one of the drivers."""
-        return all(set(self.like).intersection(members) for members in classes)
 
-    def __str__(self) -> str:
-        like = f", as {' and '.join(self.like)} would" if self.like else ""
-        return f"{self.driver}{like}, in a form of its own"
+def drives(one: Driver | Family, classes: Sequence[Sequence[str]]) -> bool:
+    """Whether each class has an effect that follows the driver, or one of the family."""
+    return all(set(one.like).intersection(members) for members in classes)
 
 
 @dataclass(frozen=True)
@@ -158,7 +155,7 @@ def _by_probability(
 
     Their weight is that of the drivers which all of them follow, in equal parts.
     """
-    follow = [all(set(one.like) & set(members) for members in classes) for one in chances.drivers]
+    follow = [drives(one, classes) for one in chances.drivers]
     part = chances.of_effects / max(sum(follow), 1)
     found = [
         (one, p + part * follows)

@@ -27,7 +27,7 @@ import numpy as np
 
 from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.accept import Accepted, accept
-from ecm.diagnosis.family import SURE, Posterior, find_family, posterior
+from ecm.diagnosis.family import SURE, Posterior, drives, find_family, posterior
 from ecm.diagnosis.left_over import (
     Gate,
     Leftover,
@@ -480,7 +480,7 @@ def diagnose(
         )
         found = report(decision, model, seed, noise=noise)
         named = [item.effect for item in found.effects]
-        if found.verdict not in ("named", "ambiguous"):
+        if not found.answer:
             return found
         richer = _far_better_degree(decision, model.base)
         against = decision.problem.base.name
@@ -551,8 +551,7 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
     of_pose = decision.unknown is not None and decision.unknown.variables == ("pose",)
     alone = held_out_rms(problem, ()) if nothing or of_pose else 0.0
     richer = more_degrees(problem.base, problem.table) if alone > NEAR_NOISE else None
-    errors = () if richer is None else _errors_beside(problem, richer, [()])
-    if richer is not None and any(_lower_bic(problem, richer, error) for error in errors):
+    if richer is not None and _lower_bic(problem, richer, *_errors_beside(problem, richer, [()])):
         again = against(richer)
         # Effects imitate the rest of a form that is still too plain.
         plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE
@@ -644,7 +643,7 @@ def _with_family(decision: Decision, describe: Describe) -> Decision:
             accepted = decision.accepted
     family = find_family(problem, chances, accepted.classes)
     several = decision.several
-    if several is not None and family is not None and family.drives(several.accepted.classes):
+    if several is not None and family is not None and drives(family, several.accepted.classes):
         # Fewer imitate a part of what is missing: more that all follow its driver are its form.
         named = _with_family(several, describe)
         if named.answer:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -52,7 +51,7 @@ from ecm.diagnosis.summary import (
     verdict_sentence,
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
-from ecm.io.arrays import F, rest_of
+from ecm.io.arrays import F, rest_of, rms
 from ecm.io.description import row_ranges, shown_ranges
 from ecm.io.events import fields_json, to_json
 from ecm.io.extras import in_background, require
@@ -303,31 +302,18 @@ class Diagnosis(Shown):
         return head | known | {"partial": partial, "outliers": [row + 1 for row in self.outliers]}
 
 
-def report(
-    decision: Decision, model: Model, seed: int = 0, *, noise: Noise | None = None
-) -> Diagnosis:
+def report(decision: Decision, model: Model, seed: int, *, noise: Noise | None) -> Diagnosis:
     """Work out the sizes, limits, errors and experiments of a decision.
 
     Errors before are those of the model that was diagnosed. The noise is that of the user, if any.
     """
     judged = in_background(lambda: judge_given_model(model, decision, noise=noise))
-    made = _report(decision, seed, judged)
-    statement = made.model.statement
-    if statement is None or made.answer:
-        return made
-    # The base has taken in what the given model shows to be misread: its `none` is none.
-    unknown = Unknown((), statement.sentence(), None, "", statement, misread=True)
-    return replace(made, verdict="unknown", unknown=unknown, family=None)
-
-
-def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagnosis:
-    """Return the report; it waits at its end for the answer about the model that was given."""
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
     final = decision.accepted.fit or problem.fit_with(accepted)
     ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
-    return Diagnosis(
+    made = Diagnosis(
         seed=seed,
         base=_base_summary(problem),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
@@ -362,6 +348,12 @@ def _report(decision: Decision, seed: int, judged: Future[GivenModel]) -> Diagno
         model=judged.result(),
         rmse=_component_errors(judged.result().as_given.rmse, problem, final, ceiling),
     )
+    statement = made.model.statement
+    if statement is None or made.answer:
+        return made
+    # The base has taken in what the given model shows to be misread: its `none` is none.
+    unknown = Unknown((), statement.sentence(), None, "", statement, misread=True)
+    return replace(made, verdict="unknown", unknown=unknown, family=None)
 
 
 def _next_experiments(decision: Decision) -> tuple[Proposal, ...]:
@@ -461,14 +453,12 @@ def _base_summary(problem: Problem) -> BaseSummary:
     base = problem.base
     whole = whole_map(base)
     shares = whole.mesh_shares if isinstance(whole, PhysicsMap) else None
-    free = len(base.coefficients)
-    block = problem.base_block.reshape(problem.response.size, -1)
-    if shares is None or block.shape[1] == free:
+    errors = problem.own_errors
+    if shares is None or not errors.shape[2]:
         return BaseSummary(base.kind, problem.base_error)
-    whitened = block[:, free] * problem.norms[free]
-    left = rest_of(block[:, :free], whitened)
-    over_noise = float(np.sqrt((left**2).mean()))
-    return BaseSummary(base.kind, problem.base_error, shares, over_noise)
+    columns = problem.coefficient_block.reshape(problem.response.size, -1)
+    left = rest_of(columns, errors[:, :, 0].ravel())
+    return BaseSummary(base.kind, problem.base_error, shares, rms(left))
 
 
 def _component_errors(
