@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg.blas import dtrmm
 from scipy.linalg.lapack import dtrtri
 
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Candidate, Candidates, Problem
 from ecm.diagnosis.search import (
     Ranked,
     bounded_estimate,
@@ -96,7 +96,7 @@ class _Chosen:
     """One effect of a chosen set, beside the others."""
 
     problem: Problem
-    chosen: Sequence[Candidate]
+    chosen: Candidates
     item: Candidate
 
     @cached_property
@@ -204,7 +204,7 @@ class _Chosen:
         before, after = (self._left_in_later_runs(chosen) for chosen in sets)
         return after, np.maximum(REFUTED_BY, REFUTED_SHARE * np.maximum(before - after, 0.0))
 
-    def _left_in_later_runs(self, chosen: Sequence[Candidate]) -> F:
+    def _left_in_later_runs(self, chosen: Candidates) -> F:
         """(r,) whitened squares that a set leaves in each run after the first."""
         table = self.problem.table
         if not table.has("run"):
@@ -272,14 +272,13 @@ class _Chosen:
         winners = self.winners(seed)
         members = confusion_class(self.problem, self.chosen, self.item)
         seldom = share_of(winners, members) < CHOSEN_SHARE
-        joining = []
+        new: list[str] = []
         if len(self.chosen) == 1 or not seldom:
             # A rival that wins often belongs to the class, however far it is in BIC: with few rows
             # it may be the truth. Several that win seldom may add up to what no library holds.
-            often = [id for id in winners if winners[id] > RIVAL_SHARE]
-            present = {other.id for other in self.chosen}
-            joining = sorted((id for id in often if id not in present), key=lambda id: -winners[id])
-        new = [id for id in joining if id not in members]
+            present = {*members, *(other.id for other in self.chosen)}
+            often = (id for id in winners if winners[id] > RIVAL_SHARE and id not in present)
+            new = sorted(often, key=lambda id: -winners[id])
         few = (*members, *new[: max(0, MOST_IN_CLASS - len(members))])
         share = share_of(winners, few)
         if len(self.chosen) == 1 and share < CHOSEN_SHARE and alone.delta_bic > CLOSE_BIC:
@@ -299,10 +298,7 @@ def share_of(winners: dict[str, float], members: Sequence[str]) -> float:
 
 
 def confusion_class(
-    problem: Problem,
-    chosen: Sequence[Candidate],
-    item: Candidate,
-    most: int = MOST_IN_CLASS,
+    problem: Problem, chosen: Candidates, item: Candidate, most: int = MOST_IN_CLASS
 ) -> list[str]:
     """Return the ids of an effect and of its rivals: near in BIC in its place, or not separable.
 
@@ -346,11 +342,7 @@ def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
 
 
 def selection_shares(
-    problem: Problem,
-    others: Sequence[Candidate],
-    contenders: Sequence[Candidate],
-    seed: int,
-    draws: int = _DRAWS,
+    problem: Problem, others: Candidates, contenders: Candidates, seed: int, draws: int = _DRAWS
 ) -> dict[str, float]:
     """Return the share of draws in which each effect lowers BIC most beside base and `others`.
 
@@ -394,7 +386,7 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
 
 
 def _falls_of_draws(
-    problem: Problem, fixed: Sequence[int], candidates: Sequence[Candidate]
+    problem: Problem, fixed: Sequence[int], candidates: Candidates
 ) -> Callable[[F], F]:
     """Return what gives (d, c) the falls of BIC by each beside fixed columns in draws (d, g)."""
     normal, f = problem.normal, len(fixed)
@@ -502,7 +494,7 @@ class Accepted:
     """Base and accepted effects, fitted together."""
 
 
-def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
+def _reached(problem: Problem, chosen: Candidates) -> JointFit | None:
     """Fit base and effects together; None where that misses what their first derivatives promise.
 
     A compliance in series with a base of many terms, each of which takes the other back, explains
@@ -527,7 +519,7 @@ def _reached(problem: Problem, chosen: Sequence[Candidate]) -> JointFit | None:
     return fit if missed < (1.0 - KEPT_WITHIN_BOUNDS) * (alone - promised) else None
 
 
-def _held_first(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _held_first(problem: Problem, chosen: Candidates) -> tuple[Candidate, ...]:
     """Return the effects with a change of one of the model's own in place of what looks like it.
 
     One cause is likelier than two: what looks like other values of an effect that the model holds
@@ -550,7 +542,7 @@ def _searched_without(problem: Problem, item: Candidate) -> tuple[Problem, tuple
     return problem, _held_first(problem, search(problem, rank(problem)))
 
 
-def accept(problem: Problem, chosen: Sequence[Candidate], seed: int = 0) -> Accepted:
+def accept(problem: Problem, chosen: Candidates, seed: int = 0) -> Accepted:
     """Drop the weakest chosen effect until each of the rest passes every check.
 
     An effect that explains the rows only beyond the bounds of its parameters, or only along its

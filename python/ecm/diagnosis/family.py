@@ -22,7 +22,7 @@ import numpy as np
 
 from ecm.comparison.residuals import KNOWN, candidate_covariates, in_one_order
 from ecm.diagnosis.left_over import draft_of
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Candidates, Problem
 from ecm.diagnosis.search import ONE_CAUSE_SHARE, bounded_estimate
 from ecm.diagnosis.settings import FORM_SHARE, MOST_IN_CLASS
 from ecm.effects.experiments import get_experiment
@@ -175,9 +175,7 @@ def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> 
     return [one for column, one in by_column.items() if in_one_order(own, _values(table, column))]
 
 
-def posterior(
-    problem: Problem, named: Sequence[Candidate] = (), others: Sequence[Candidate] = ()
-) -> Posterior:
+def posterior(problem: Problem, named: Candidates = (), others: Candidates = ()) -> Posterior:
     """Return how likely each driver is, the pose, the named effects together, and nothing.
 
     All of them beside the other effects.

@@ -352,15 +352,15 @@ class _Judged:
     @property
     def answer(self) -> Answer:
         """The answer where the table is right: the first rule that holds."""
-        unknown, nothing = self.decision.unknown, self.decision.verdict == "none"
+        unknown = self.decision.unknown
         if unknown is not None and unknown.slow_noise is not None:
             return "fits"
         if self.lacks_inputs:
             return "inputs"
-        if self.is_form_of_base and not nothing:
+        if self.is_form_of_base and self.decision.verdict != "none":
             return "effect"
         # Beside the same form the stages may have found nothing.
-        if not self.missing or (self.is_form_of_base and nothing and not self.has_other_numbers):
+        if not self.missing or (self.is_form_of_base and not self.has_other_numbers):
             return self.without_structure
         if self.has_other_numbers:
             return "numbers"

@@ -24,7 +24,13 @@ from ecm.comparison.residuals import (
     features,
 )
 from ecm.comparison.structure import LEAST_STRENGTH
-from ecm.diagnosis.problem import ABSORBED_SHARE, Candidate, Problem, Projection, omnibus_columns
+from ecm.diagnosis.problem import (
+    ABSORBED_SHARE,
+    Candidates,
+    Problem,
+    Projection,
+    omnibus_columns,
+)
 from ecm.diagnosis.search import (
     ONE_CAUSE_SHARE,
     Estimate,
@@ -116,7 +122,7 @@ def _beside(problem: Problem, spread: F) -> Beside:
     )
 
 
-def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Leftover:
+def leftover(problem: Problem, gate: Gate, effects: Candidates) -> Leftover:
     """Return what the accepted effects leave, and whether it matters.
 
     It must be seen by the smooth functions, exceed a share of what was there, and a strength below
@@ -153,9 +159,7 @@ def _least_strength(problem: Problem) -> float:
     return max(LEAST_STRENGTH, 1.5 * problem.base_error)
 
 
-def residual_after(
-    problem: Problem, effects: Sequence[Candidate], base: Projection | None = None
-) -> F:
+def residual_after(problem: Problem, effects: Candidates, base: Projection | None = None) -> F:
     """Return the (N, m) whitened residual after base and effects, or another base that holds it."""
     response, fitted = _at_bounds(problem, bounded_estimate(problem, effects, effects))
     if base is not None:
@@ -342,7 +346,7 @@ def _memory(problem: Problem) -> Iterator[Pattern]:
 _MOST_RUNS = 12
 
 
-def runs_apart(problem: Problem, effects: Sequence[Candidate]) -> Pattern | None:
+def runs_apart(problem: Problem, effects: Candidates) -> Pattern | None:
     """Return a wrench of its own for each run, where that explains more than some effects do.
 
     What drifts from run to run does so within them as well: the effects must err there by more
@@ -465,7 +469,7 @@ class Unknown:
     """Noise that stays alike along time, which gives as much as any effect would."""
 
 
-def describe_residual(problem: Problem, chosen: Sequence[Candidate], total: float) -> Unknown:
+def describe_residual(problem: Problem, chosen: Candidates, total: float) -> Unknown:
     """Describe what chosen effects leave: what it follows, words, nearest effect, template.
 
     The share of the nearest effect is that in the total that smooth functions explain, over the

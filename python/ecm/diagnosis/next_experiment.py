@@ -25,7 +25,7 @@ from scipy import special
 from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.accept import confusion_class, squares_left_after
-from ecm.diagnosis.problem import Candidate, Problem, score_columns
+from ecm.diagnosis.problem import Candidate, Candidates, Problem, score_columns
 from ecm.diagnosis.search import delta_chi2, estimate, without
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Rows, all_effects
@@ -58,11 +58,10 @@ def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
     information = np.diag(left)
     limits: dict[str, DetectionLimit] = {}
     for candidate in problem.candidates:
+        own = zip(candidate.columns, candidate.effect.parameters, strict=True)
         seen = [
             (float(np.sqrt(1.0 / information[column]) / problem.norms[column]), parameter)
-            for column, parameter in zip(
-                candidate.columns, candidate.effect.parameters, strict=True
-            )
+            for column, parameter in own
             if information[column] > 0.0
         ]
         if seen and candidate.id not in limits:
@@ -120,7 +119,7 @@ class ConfusionClass:
 
     problem: Problem
     others: tuple[Candidate, ...]
-    shapes: Mapping[str, Sequence[Candidate]]
+    shapes: Mapping[str, Candidates]
 
     @staticmethod
     def of(
@@ -323,7 +322,7 @@ class Proposal:
 
 
 def next_experiments(
-    problem: Problem, chosen: Sequence[Candidate], classes: Sequence[Sequence[str]]
+    problem: Problem, chosen: Candidates, classes: Sequence[Sequence[str]]
 ) -> tuple[Proposal, ...]:
     """Return experiments that separate the members of each class, and a session; best first."""
     groups = []

@@ -266,14 +266,9 @@ def _half_way(
 
 
 def _refined_shapes(
-    rows: Rows,
-    whitener: Whitener,
-    response: F,
-    every: list[ScoreColumns],
-    projection: Projection,
+    rows: Rows, whitener: Whitener, projection: Projection, y: F, every: Sequence[ScoreColumns]
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
-    y = projection.flat(projection.rest(response))
     table = rows.whole.table
 
     def gain(shape: Effect) -> float:
@@ -438,6 +433,10 @@ class Candidate:
         return len(self.columns)
 
 
+Candidates = Sequence[Candidate]
+"""Shapes that are chosen together, or that are offered."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """All that the stages work on: N rows of m components, whitened and robustly weighted."""
@@ -498,7 +497,7 @@ class Problem:
         """Columns of the base."""
         return tuple(range(self.n_base))
 
-    def columns_of(self, chosen: Sequence[Candidate]) -> tuple[int, ...]:
+    def columns_of(self, chosen: Candidates) -> tuple[int, ...]:
         """Columns of the base and of some candidates."""
         return self.base_index + tuple(c for item in chosen for c in item.columns)
 
@@ -567,9 +566,7 @@ class Problem:
         weights = np.where(self.scored, self.weights, 0.0)
         return np.asarray(np.sqrt(weights @ errors**2 / weights.sum()))
 
-    def fit_with(
-        self, chosen: Sequence[Candidate] = (), base: StiffnessMap | None = None
-    ) -> JointFit:
+    def fit_with(self, chosen: Candidates = (), base: StiffnessMap | None = None) -> JointFit:
         """Fit the base, or another one, together with effects; a ModelError where it runs away."""
         effects = [item.effect for item in chosen]
         base = self.base if base is None else base
@@ -642,9 +639,9 @@ def assemble(
     every, untestable = all_score_columns(rows, whitener, effects)
     weights = robust_weights(response, base_block, every)
     projection = Projection.of(base_block, np.sqrt(weights))
-    every += _refined_shapes(rows, whitener, response, every, projection)
+    y = projection.flat(projection.rest(response))
+    every += _refined_shapes(rows, whitener, projection, y, every)
     if around is not None:
-        y = projection.flat(projection.rest(response))
         every = in_threads(partial(_half_way, rows, whitener, projection, y), every)
     kept, absorbed = _not_absorbed(every, projection, base)
     del every  # the columns are a large part of the memory
@@ -771,7 +768,7 @@ def with_forms(
     return _filled(replace(problem, weights=weights), block, shapes, projection)
 
 
-def base_beside(problem: Problem, chosen: Sequence[Candidate]) -> StiffnessMap | None:
+def base_beside(problem: Problem, chosen: Candidates) -> StiffnessMap | None:
     """Return the base as it is beside effects; None where their columns stay as they are.
 
     What is missing bends the base that is fitted without it, and so the columns that follow from

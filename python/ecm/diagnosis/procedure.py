@@ -41,6 +41,7 @@ from ecm.diagnosis.left_over import (
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import (
     Candidate,
+    Candidates,
     Problem,
     Projection,
     along_time,
@@ -97,6 +98,9 @@ from ecm.regression.f_test import independent_factor
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, actuators_of, inputs_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
+
+Against = Callable[[StiffnessMap], Decision]
+"""Goes through the stages with the same rows against another base."""
 
 _RELINEARISED = 2
 """Most fits of the base beside what was found, around which the effects are looked for again: of
@@ -224,15 +228,13 @@ def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
     return _error_after(decision.problem, decision.accepted.effects, weighed)
 
 
-def _error_after(
-    problem: Problem, effects: Sequence[Candidate], weighed: Problem | None = None
-) -> float:
+def _error_after(problem: Problem, effects: Candidates, weighed: Problem | None = None) -> float:
     """Return the error after the base and these effects, over the noise of this or another base."""
     residual = problem.whitener.back(residual_after(problem, effects))
     return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
 
 
-def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate] = ()) -> float:
+def _error_of(problem: Problem, base: StiffnessMap, effects: Candidates = ()) -> float:
     """Return the error over the noise of another base, fitted together with effects.
 
     Over the noise of the problem: what a wild base makes of the noise of the pose would hide that
@@ -243,7 +245,7 @@ def _error_of(problem: Problem, base: StiffnessMap, effects: Sequence[Candidate]
 
 
 def _errors_beside(
-    problem: Problem, base: StiffnessMap, sets: Iterable[Sequence[Candidate]]
+    problem: Problem, base: StiffnessMap, sets: Iterable[Candidates]
 ) -> Iterator[float]:
     """Yield the error of another base beside each set of effects, as linear as the problem is.
 
@@ -256,9 +258,7 @@ def _errors_beside(
         yield _error(problem, residual, len(base.coefficients), effects)
 
 
-def _error(
-    problem: Problem, residual: F, coefficients: int, effects: Sequence[Candidate] = ()
-) -> float:
+def _error(problem: Problem, residual: F, coefficients: int, effects: Candidates = ()) -> float:
     """Return the error over the noise of a residual (N, m), per degree of freedom."""
     freedom = problem.size - coefficients - sum(item.parameters for item in effects)
     squares = problem.squares_of(np.einsum("nij,nj->ni", problem.whitener.each, residual))
@@ -326,7 +326,7 @@ def in_slow_noise(
 _OF_TIME = "time_s", "row"
 
 
-def _slow_part(problem: Problem, effects: Sequence[Candidate]) -> SlowPart | None:
+def _slow_part(problem: Problem, effects: Candidates) -> SlowPart | None:
     """Return the slow part of what effects leave, each row over its own noise."""
     if not problem.table.continuous:
         return None
@@ -375,8 +375,8 @@ class Stages:
     gate: Callable[[Problem], Gate] = gate
     rank: Callable[[Problem], list[Ranked]] = rank
     search: Callable[[Problem, Sequence[Ranked]], tuple[Candidate, ...]] = search
-    accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
-    leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
+    accept: Callable[[Problem, Candidates, int], Accepted] = accept
+    leftover: Callable[[Problem, Gate, Candidates], Leftover] = leftover
     verdict: Callable[..., Decision] = verdict
     white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Describe = describe_residual
@@ -529,7 +529,7 @@ def find_missing(
     def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
         first = begun(limits)
         against = partial(beside, first.prepared, limits, slow)
-        return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages)
+        return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages.describe)
 
     decision = of_rows(settings)
     if decision.verdict != "none" and not decision.misread:
@@ -542,7 +542,7 @@ def find_missing(
     return _of_another_degree(formed, again)
 
 
-def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Decision]) -> Decision:
+def _of_another_degree(decision: Decision, against: Against) -> Decision:
     """Return the decision against more degrees that hold what follows the pose, or against fewer.
 
     Fewer where nothing is said and the base errs far on held-out rows: it may take in an effect.
@@ -572,9 +572,7 @@ def _of_another_degree(decision: Decision, against: Callable[[StiffnessMap], Dec
     return decision
 
 
-def _with_equal_actuators(
-    decision: Decision, against: Callable[[StiffnessMap], Decision]
-) -> Decision:
+def _with_equal_actuators(decision: Decision, against: Against) -> Decision:
     """Return the names against an energy of equal actuators, where these err less beside it.
 
     An energy in which each actuator acts for itself takes in a part of what one of them does wrong,
@@ -595,9 +593,7 @@ def _held_out(decision: Decision, other: Decision) -> float:
     return held_out_rms(decision.problem, decision.accepted.effects, kind_of(names))
 
 
-def _with_given_form(
-    model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
-) -> Decision:
+def _with_given_form(model: Model, decision: Decision, against: Against) -> Decision:
     """Return the answer against the form of a given model, where it errs far less by itself.
 
     An energy that does not suit the rows, as of a body of another shape or axis or of a column in
@@ -683,12 +679,9 @@ def _without_outweighed(decision: Decision) -> tuple[Decision, Posterior] | None
 
 
 def _against_the_bases(
-    model: Model,
-    decision: Decision,
-    against: Callable[[StiffnessMap], Decision],
-    stages: Stages,
+    model: Model, decision: Decision, against: Against, describe: Describe
 ) -> Decision:
-    """Go through the stages with the rows that were selected, against other bases that may fit."""
+    """Return the answer against the base that fits best, of those that may."""
     if decision.verdict != "none":
         said, first = decision.statement, decision.problem
         most = EQUAL**0.5 * said.error_after if said else _BESIDE_NAMES * _error_left(decision)
@@ -715,7 +708,7 @@ def _against_the_bases(
     if decision.statement is not None or not may_be_another_body(decision):
         return decision
     energy = against(symmetric_energy(decision.prepared.unexplained))
-    return against_energy(decision, energy, stages.describe)
+    return against_energy(decision, energy, describe)
 
 
 def _less_symmetry(base: StiffnessMap, model: Model) -> str:
@@ -724,9 +717,7 @@ def _less_symmetry(base: StiffnessMap, model: Model) -> str:
     return words if model.base.name == base.name else f"{words}; fit {base.name}"
 
 
-def _without_symmetry(
-    model: Model, decision: Decision, against: Callable[[StiffnessMap], Decision]
-) -> Decision:
+def _without_symmetry(model: Model, decision: Decision, against: Against) -> Decision:
     """Return the answer against an energy without symmetry, where one with it leaves far more.
 
     By itself it need not fit better: of many coefficients, those rows lead astray that an effect
@@ -841,7 +832,7 @@ def _held(problem: Problem, prepared: Prepared) -> float:
     return problem.squares_of(projection.rest(problem.whitener @ taken)) / problem.scale
 
 
-def _alike(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _alike(problem: Problem, chosen: Candidates) -> tuple[Candidate, ...]:
     """Return the effects of another problem as candidates of this one, in the nearest shapes."""
     found: tuple[Candidate, ...] = ()
     for item in chosen:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from ecm.diagnosis.next_experiment import (
     next_experiments,
 )
 from ecm.diagnosis.preparation import OtherValues, Prepared
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Candidates, Problem
 from ecm.diagnosis.search import (
     Ranked,
     Refinement,
@@ -431,7 +431,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
 
 
 def _held_out(
-    problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None, kind: str
+    problem: Problem, accepted: Candidates, ceiling: Ceiling | None, kind: str
 ) -> HeldOut:
     """Return the held-out errors, those of a continuous test also run by run."""
     by_run: tuple[RunError, ...] = ()

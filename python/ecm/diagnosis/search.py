@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import (
     Candidate,
+    Candidates,
     Problem,
     Projection,
     best_of_each,
@@ -89,7 +90,7 @@ class Estimate:
         return self.theta[self.places(item)]
 
 
-def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
+def estimate(problem: Problem, chosen: Candidates) -> Estimate:
     """Fit base and chosen effects."""
     columns = np.asarray(problem.columns_of(chosen), dtype=np.int64)
     matrix, vector = problem.equations
@@ -98,27 +99,25 @@ def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
     return Estimate(solve(matrix, vector), columns, matrix, vector, free)
 
 
-def squares_by_row(problem: Problem, chosen: Sequence[Candidate]) -> F:
+def squares_by_row(problem: Problem, chosen: Candidates) -> F:
     """Return (N,) weighted squares that base and chosen effects leave of each row."""
     fit = estimate(problem, chosen)
     left = problem.response - problem.design[:, :, fit.columns] @ fit.theta
     return np.asarray(problem.weights * (left**2).sum(axis=1))
 
 
-def without(chosen: Sequence[Candidate], item: Candidate) -> tuple[Candidate, ...]:
+def without(chosen: Candidates, item: Candidate) -> tuple[Candidate, ...]:
     """Return the chosen effects beside one of them."""
     return tuple(other for other in chosen if other is not item)
 
 
-def of_others(shapes: Iterable[Candidate], chosen: Sequence[Candidate]) -> list[Candidate]:
+def of_others(shapes: Iterable[Candidate], chosen: Candidates) -> list[Candidate]:
     """Return the shapes of effects that are not chosen."""
     present = {item.id for item in chosen}
     return [shape for shape in shapes if shape.id not in present]
 
 
-def delta_chi2_of_each(
-    problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
-) -> F:
+def delta_chi2_of_each(problem: Problem, chosen: Candidates, candidates: Candidates) -> F:
     """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
     columns = problem.columns_of(chosen)
     if columns not in problem.gains:
@@ -129,12 +128,12 @@ def delta_chi2_of_each(
     return problem.gains[columns][[candidate.columns[0] for candidate in candidates]]
 
 
-def delta_chi2(problem: Problem, chosen: Sequence[Candidate]) -> float:
+def delta_chi2(problem: Problem, chosen: Candidates) -> float:
     """Return what the chosen effects explain beyond the base."""
     return problem.explained(problem.columns_of(chosen)) - problem.explained(problem.base_index)
 
 
-def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
+def rank(problem: Problem, chosen: Candidates = ()) -> list[Ranked]:
     """Rank the testable effects, each in its best shape, by the fall of BIC beside the chosen."""
     best = best_shapes(problem, chosen)
     if not best:
@@ -147,7 +146,7 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
     return [replace(one, p=p) for one, p in zip(best, chances.tolist(), strict=True)]
 
 
-def best_shapes(problem: Problem, chosen: Sequence[Candidate]) -> list[Ranked]:
+def best_shapes(problem: Problem, chosen: Candidates) -> list[Ranked]:
     """Return each effect's best shape beside the chosen by the fall of BIC, p not yet known."""
     tried = of_others(problem.candidates, chosen)
     drops = delta_chi2_of_each(problem, chosen, tried).tolist()
@@ -177,22 +176,20 @@ def _p_values(problem: Problem, drops: F, parameters: I) -> F:
     return np.asarray(seen)
 
 
-def delta_bic(problem: Problem, chosen: Sequence[Candidate]) -> float:
+def delta_bic(problem: Problem, chosen: Candidates) -> float:
     """Return the fall of BIC of a set against the base alone; larger is better."""
     k = sum(item.parameters for item in chosen)
     return delta_chi2(problem, chosen) - k * float(np.log(problem.size))
 
 
-def delta_bic_of_each(
-    problem: Problem, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
-) -> F:
+def delta_bic_of_each(problem: Problem, chosen: Candidates, candidates: Candidates) -> F:
     """Return (c,) `delta_bic` of the chosen with each of the candidates beside them."""
     k = np.array([candidate.parameters for candidate in candidates])
     falls = delta_chi2_of_each(problem, chosen, candidates) - k * np.log(problem.size)
     return np.asarray(falls + delta_bic(problem, chosen))
 
 
-def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+def all_needed(problem: Problem, chosen: Candidates) -> bool:
     """Whether each effect of a set is needed, by BIC and by its share of what is explained."""
     total = delta_chi2(problem, chosen)
     for item in chosen:
@@ -216,7 +213,7 @@ def follows_alone(effect: Effect, others: Sequence[Effect]) -> bool:
     return bool(column) and column not in [getattr(one, "column", "") for one in others]
 
 
-def seen_in_repeats(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
     """Whether effects of time show between visits to one pose beside a model's of the pose alone.
 
     What the forms of these leave is the same at each visit. In slow noise a row is what is new in
@@ -235,7 +232,7 @@ def seen_in_repeats(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     return bool(special.chdtrc(len(at), gain / problem.scale) * sets < problem.settings.level)
 
 
-def takes_all(problem: Problem, chosen: Sequence[Candidate]) -> bool:
+def takes_all(problem: Problem, chosen: Candidates) -> bool:
     """Whether a set takes nearly all that the base leaves beyond a noise that is known.
 
     A known rival of an effect of the model is but another form of it; so are other values of it.
@@ -257,13 +254,13 @@ def beyond_noise(problem: Problem) -> float:
     return float((problem.squares_beside_base - noise) / problem.scale)
 
 
-def left_beyond_noise(problem: Problem, chosen: Sequence[Candidate]) -> float:
+def left_beyond_noise(problem: Problem, chosen: Candidates) -> float:
     """Return the squares that base and chosen effects leave beyond those of the noise."""
     parameters = sum(item.parameters for item in chosen)
     return beyond_noise(problem) - delta_chi2(problem, chosen) + parameters
 
 
-def explained_share(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
+def explained_share(problem: Problem, chosen: Candidates, item: Candidate) -> float:
     """Return the share of a chosen effect in the delta chi² of all that are chosen.
 
     What the form of the others leaves does not follow a recorded column that none of them follows:
@@ -364,7 +361,7 @@ def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate
     return best
 
 
-def own_sign(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> tuple[bool, bool]:
+def own_sign(problem: Problem, chosen: Candidates, item: Candidate) -> tuple[bool, bool]:
     """Whether the effect explains more than its plain form in its place, and by far.
 
     By the least BIC; by far, where it also explains most of what the plain form leaves: a form that
@@ -389,9 +386,7 @@ _MOST_OF_IT = 0.5
 _SLACK = 1e-9
 
 
-def bounded_estimate(
-    problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
-) -> Estimate:
+def bounded_estimate(problem: Problem, chosen: Candidates, bounded: Candidates) -> Estimate:
     """Fit base and chosen effects; of those that are `bounded` too the bounds count."""
     fit = estimate(problem, chosen)
     k = len(fit.theta)
@@ -410,7 +405,7 @@ def bounded_estimate(
     return replace(inside, lost=max(0.0, fit.explained - inside.explained))
 
 
-def held_out_t(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
+def held_out_t(problem: Problem, others: Candidates, item: Candidate) -> float:
     """Return the fall of the held-out error by an effect over its standard error, in its folds.
 
     Held out is the effect: base and other effects are those of all rows. Of few rows a base that
@@ -430,7 +425,7 @@ def held_out_t(problem: Problem, others: Sequence[Candidate], item: Candidate) -
     return float(falls.sum() / max(error, 1e-300))
 
 
-def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
+def held_out_squares(problem: Problem, chosen: Candidates, kind: str) -> F:
     """Return (g,) held-out sums of squares of each group.
 
     Of kind "pose" blocks of time are held out, of kind "time" clusters of poses.
@@ -440,7 +435,7 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     return problem.normal.held_out(columns, fold, _scored_groups(problem), projected=projected)
 
 
-def kind_of(chosen: Sequence[Candidate], held: Sequence[Effect] = ()) -> str:
+def kind_of(chosen: Candidates, held: Sequence[Effect] = ()) -> str:
     """Return what several effects are held out as: one of time leaks through folds of time.
 
     Those that the model holds count: its errors are compared with those of before it had them.
@@ -449,7 +444,7 @@ def kind_of(chosen: Sequence[Candidate], held: Sequence[Effect] = ()) -> str:
     return "time" if any(effect.kind == "time" for effect in effects) else "pose"
 
 
-def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") -> float:
+def held_out_rms(problem: Problem, chosen: Candidates, kind: str = "") -> float:
     """Return the whitened root mean square on held-out rows that measure a pose.
 
     In the folds of a kind, so that errors may be compared; default: those of the chosen effects.
@@ -459,7 +454,7 @@ def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") 
     return float(np.sqrt(squares.sum() / (weights.sum() * problem.response.shape[1])))
 
 
-def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:
+def held_out_by_fold(problem: Problem, chosen: Candidates) -> F:
     """Return (folds,) whitened rms of each held-out part: run by run of a continuous test."""
     kind = kind_of(chosen)
     squares = held_out_squares(problem, chosen, kind)
@@ -502,9 +497,7 @@ class Refinement:
     """Whether BIC asks for it, the total error falls and no fold gets much worse."""
 
 
-def richer_forms(
-    problem: Problem, chosen: Sequence[Candidate]
-) -> tuple[Problem, tuple[Refinement, ...]]:
+def richer_forms(problem: Problem, chosen: Candidates) -> tuple[Problem, tuple[Refinement, ...]]:
     """Return the problem with the richer forms that held-out rows ask for, and all that was tried.
 
     It is the same problem where they ask for none. What the plain form of a known cause leaves is
@@ -522,7 +515,7 @@ def richer_forms(
 
 
 def _richer_form(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, whitened: ColumnsOfParts
+    problem: Problem, chosen: Candidates, item: Candidate, whitened: ColumnsOfParts
 ) -> tuple[list[Effect], Refinement] | None:
     """Return richer forms, the one that explains most at the end, and its errors held out.
 

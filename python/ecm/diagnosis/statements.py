@@ -21,7 +21,7 @@ import numpy as np
 from scipy import special
 from scipy.optimize import least_squares
 
-from ecm.diagnosis.problem import Candidate, Problem, best_of_each, omnibus_columns
+from ecm.diagnosis.problem import Candidates, Problem, best_of_each, omnibus_columns
 from ecm.effects import Effect
 from ecm.effects.noise import NoiseEffect
 from ecm.errors import EcmError, ModelError
@@ -235,7 +235,7 @@ _GENERAL_TERMS = {4: 209, 3: 83, 2: 27}
 
 
 def find_wrong_statement(
-    problem: Problem, effects: Sequence[Candidate], before: float, after: float
+    problem: Problem, effects: Candidates, before: float, after: float
 ) -> WrongStatement | None:
     """Try other readings of the table; None where none explains it, or the accepted effects do.
 

@@ -152,7 +152,7 @@ def _or_else(document: Mapping[str, Any], id: str) -> list[str]:
 def _missing_beside(document: Mapping[str, Any]) -> str:
     """The same against the base."""
     likely = f"; probability {min(document['probability'], 0.99):.2f}"  # never 1: nothing shows it
-    if document["verdict"] in ("named", "ambiguous"):
+    if document["answer"]:
         ways = document.get("directions") or {}
         sizes = {item["id"]: _sized(item, ways.get(item["id"])) for item in document["effects"]}
         causes = [
@@ -297,7 +297,7 @@ def _add(document: Mapping[str, Any]) -> str:
     first = document["model"]["answer"] == "inputs" or document["model"]["reason"] == "rows"
     if not first and (addition := document.get("addition")) is not None:
         return _added(document, addition)
-    if document["verdict"] in ("named", "ambiguous") and not first:
+    if document["answer"] and not first:
         rows = "these rows together with those of its fit"
         return f"nothing: the model has it already; refit it to {rows}"
     if (remedy := document["model"].get("remedy")) is not None:
