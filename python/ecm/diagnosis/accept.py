@@ -82,10 +82,7 @@ _CLEAR = 0.99
 
 
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
-    """Return the squared length of columns @ values after projecting out the fixed columns.
-
-    The matrix (K, K) holds the products of all columns.
-    """
+    """Return the squares of columns @ values beside fixed ones, by the products (K, K) of all."""
     total = float(values @ matrix[np.ix_(columns, columns)] @ values)
     cross = matrix[np.ix_(fixed, columns)] @ values
     return max(total - float(cross @ solve(matrix[np.ix_(fixed, fixed)], cross)), 0.0)
@@ -107,11 +104,6 @@ class _Chosen:
     def bic(self) -> float:
         """Fall of BIC by all that are chosen."""
         return delta_bic(self.problem, self.chosen)
-
-    @cached_property
-    def gain(self) -> float:
-        """Fall of BIC by the effect."""
-        return self.bic - delta_bic(self.problem, self.others)
 
     def share_beside(self, rival: Candidate) -> float:
         """Return the share of its correction that a rival cannot imitate, base and others free."""
@@ -144,8 +136,8 @@ class _Chosen:
         why = self.problem.untestable.get(other.id)
         if why is not None and why.imitates:
             # The data cannot show its true form; one of several shapes comes nearer to it.
-            shaped = bool(why.forms)
-            if loss < (_LOST_BY_SHAPES if shaped else _LOST_BY_ONE) * self.gain:
+            most = _LOST_BY_SHAPES if why.forms else _LOST_BY_ONE
+            if loss < most * (self.bic - delta_bic(self.problem, self.others)):
                 return True
         form = other.effect.plain_form()
         if form is not None and form.id == self.item.id:

@@ -176,10 +176,7 @@ def _in_its_order(problem: Problem, best: Driver, drivers: Sequence[Driver]) -> 
 
 
 def posterior(problem: Problem, named: Candidates = (), others: Candidates = ()) -> Posterior:
-    """Return how likely each driver is, the pose, the named effects together, and nothing.
-
-    All of them beside the other effects.
-    """
+    """Return how likely drivers, pose, named effects and nothing are, beside other effects."""
     rows = evenly(len(problem.table), _MOST_ROWS)
     m = problem.response.shape[1]
     numbers = (m * rows[:, None] + np.arange(m)).ravel()
@@ -274,7 +271,7 @@ _COLUMNS = {
 
 
 def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[tuple[Driver, Iterable[F]]]:
-    """Yield the drivers that vary in these rows, each with (N, m, q) processes, each as likely.
+    """Yield the drivers that vary, each with (N, m, q) processes, each as likely.
 
     The processes are whitened row by row.
     """
@@ -299,7 +296,7 @@ def _drivers(problem: Problem, accepted: frozenset[str]) -> Iterator[tuple[Drive
         forms = _factors(problem, _cosines(rest, 3))
         yield Driver("the time at rest", ("stress_relaxation",), "three_dwells", "dwell_s"), forms
     if has_order(table) or table.has("approach"):
-        yield from _of_history(problem, _before(problem.rows), accepted)
+        yield from _of_history(problem, accepted)
 
 
 def _values(table: Table, column: str) -> F:
@@ -324,11 +321,10 @@ def _of_column(problem: Problem, column: str, count: int) -> Iterator[F]:
             yield np.concatenate([_free(problem, functions), factor], axis=2)
 
 
-def _of_history(
-    problem: Problem, before: F, accepted: frozenset[str]
-) -> Iterator[tuple[Driver, Iterable[F]]]:
-    """Yield the drivers that follow from the poses before, (N, n) and NaN where not known."""
+def _of_history(problem: Problem, accepted: frozenset[str]) -> Iterator[tuple[Driver, Iterable[F]]]:
+    """Yield the drivers that follow from the poses before."""
     rows = problem.rows
+    before = _before(rows)
     spread = rms_of_columns(rows.poses - rows.middle_pose) + 1e-12
     continuous = rows.whole.table.continuous
     known = np.where(np.isfinite(before), rows.poses - before, 0.0) / spread
@@ -381,10 +377,7 @@ def _velocities(rows: Rows) -> F:
 
 
 def _fading(rows: Rows, driven: F) -> Iterator[F]:
-    """Yield (N, k) what is left of changes (n, k) of all rows, by some time constants.
-
-    Nothing without a time.
-    """
+    """Yield (N, k) what time constants leave of changes (n, k) of all rows; none without time."""
     table = rows.whole.table
     if table.has("time_s"):
         for tau in time_constants(table)[::_EVERY_TAU]:

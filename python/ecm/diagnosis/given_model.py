@@ -278,13 +278,8 @@ class GivenModel:
         return f", the wrench is {self.scale:.3g} times its own. {cause}"
 
 
-def judge_given_model(
-    model: Model, decision: Decision, *, noise: Noise | None = None
-) -> GivenModel:
-    """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong.
-
-    The noise is that of the user, if any.
-    """
+def judge_given_model(model: Model, decision: Decision, *, noise: Noise | None) -> GivenModel:
+    """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong."""
     problem, table = decision.problem, decision.prepared.table
     result = compare(model, table, noise=noise)
     rmse = [component.rmse for component in result.components]

@@ -173,10 +173,7 @@ class ConfusionClass:
         return self.of_pairs(chance)
 
     def told_by(self, experiment: Experiment, rows: Rows | None) -> Told:
-        """Return what an experiment tells about each pair.
-
-        From the data with the predicted rows of its campaign; None where it is done by hand.
-        """
+        """Return what an experiment tells, from data and campaign; None where it is by hand."""
         read = experiment.readings
         if rows is None and not set(read) & set(self.members):
             return _NOTHING_TOLD

@@ -176,7 +176,7 @@ class Projection:
     def _of_each(self, blocks: Sequence[F], work: Callable[[F, I], list[float]]) -> list[float]:
         """Return a number of each block (N, m, k), which are worked on some at a time.
 
-        By work: (weighted columns (N m, k) of some, where each but the first begins) -> numbers.
+        `work` is given their weighted columns (N m, k), and where each but the first begins.
         """
         ends = np.cumsum([block.shape[2] for block in blocks]) // _AT_ONCE
 
@@ -615,14 +615,8 @@ def assemble(
 ) -> Problem:
     """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested.
 
-    Parameters
-    ----------
-    base
-        Map against which effects are named.
-    noise
-        Noise of the rows; default: estimated from repeats, else declared or assumed.
-    around
-        The base, fitted beside effects: around it all is linear. Default: fitted alone.
+    The noise is by default estimated from repeats, else declared or assumed. All is linear around
+    the base as it is fitted alone, or as it is beside effects.
     """
     if noise is None:
         base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
@@ -756,9 +750,9 @@ def _shapes_of(problem: Problem, without: Container[str] = ()) -> list[ScoreColu
 def with_forms(
     problem: Problem, forms: Sequence[Effect], columns: Callable[[Effect], F]
 ) -> Problem:
-    """Return the problem with these forms alone of their effects, beside which rows are weighed.
+    """Return the problem with these forms alone of their effects, by their whitened columns.
 
-    `columns` gives the (N, m, k) whitened `score_columns` of a form.
+    The rows are weighed anew beside them.
     """
     shapes = _shapes_of(problem, {form.id for form in forms})
     shapes += [ScoreColumns(form, columns(form)) for form in forms]

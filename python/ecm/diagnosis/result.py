@@ -51,7 +51,7 @@ from ecm.diagnosis.summary import (
     verdict_sentence,
 )
 from ecm.diagnosis.verdict import Decision, Headline, probability
-from ecm.io.arrays import F, rest_of, rms
+from ecm.io.arrays import F, pinvh, rest_of, rms
 from ecm.io.description import row_ranges, shown_ranges
 from ecm.io.events import fields_json, to_json
 from ecm.io.extras import in_background, require
@@ -302,11 +302,10 @@ class Diagnosis(Shown):
         return head | known | {"partial": partial, "outliers": [row + 1 for row in self.outliers]}
 
 
-def report(decision: Decision, model: Model, seed: int, *, noise: Noise | None) -> Diagnosis:
-    """Work out the sizes, limits, errors and experiments of a decision.
-
-    Errors before are those of the model that was diagnosed. The noise is that of the user, if any.
-    """
+def report(
+    decision: Decision, model: Model, seed: int = 0, *, noise: Noise | None = None
+) -> Diagnosis:
+    """Work out the sizes, limits, errors and experiments of a decision about a model."""
     judged = in_background(lambda: judge_given_model(model, decision, noise=noise))
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
@@ -410,7 +409,7 @@ def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
     candidate = item.candidate
     fit = estimate(problem, [candidate])
     theta = fit.of(candidate)
-    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[fit.places(candidate)]
+    sd = np.sqrt(np.maximum(np.diag(pinvh(fit.matrix)), 1e-300))[fit.places(candidate)]
     best = int(np.argmax(np.abs(theta) / sd))
     parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
     size = float(theta[best] / norm)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 import scipy
@@ -24,7 +24,7 @@ from ecm.diagnosis.problem import (
 )
 from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
-from ecm.io.arrays import B, F, I, pinvh, rest_of
+from ecm.io.arrays import B, F, I, rest_of
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
 from ecm.regression.f_test import explained_by_span, within_cells
 from ecm.regression.folds import folds, held_out_by, repeat_cells
@@ -74,11 +74,6 @@ class Estimate:
         """Sum of squares that the coefficients explain, over the noise scale."""
         squares = float(self.theta @ self.matrix @ self.theta)
         return 2.0 * float(self.theta @ self.vector) - squares
-
-    @cached_property
-    def covariance(self) -> F:
-        """(k, k)."""
-        return pinvh(self.matrix)
 
     def places(self, item: Candidate) -> list[int]:
         """Return where the coefficients of one effect are."""
@@ -275,10 +270,7 @@ def explained_share(problem: Problem, chosen: Candidates, item: Candidate) -> fl
 
 
 def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
-    """Search the smallest set that explains the residual: all pairs, beam, swaps, pruning.
-
-    The ranking is that of `rank(problem)`.
-    """
+    """Search the smallest set that explains the residual: all pairs, beam, swaps, pruning."""
     least = problem.settings.least_bic
     best = tuple(first.candidate for first in ranking[:1])
     best = best if all_needed(problem, best) else ()

@@ -62,10 +62,7 @@ Left = Callable[[F, F], F]
 
 
 def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Convention]:
-    """Yield the points that fit these rows best, one for each kind.
-
-    The squares of what the base leaves are minimised over the three coordinates.
-    """
+    """Yield the points of which the base leaves the least squares, one for each kind."""
     kinds = (
         (
             "the positions look measured from a point {0} away (take it from base_from_robot of "
@@ -532,9 +529,8 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
 
     every = [found(effect, j) for effect in tested for j in range(len(effect.parameters))]
     best = best_of_each(every, [one.z for one in every])
-    return sorted(
-        (one for z, one in best.values() if z > _NOISE_DEVIATIONS), key=lambda one: -one.z
-    )
+    seen = [one for _, one in best.values() if one.z > _NOISE_DEVIATIONS]
+    return sorted(seen, key=lambda one: -one.z)
 
 
 def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
