@@ -11,13 +11,14 @@ from typing import cast
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.special import expit
 
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, find_missing, procedure, statements
 from ecm.diagnosis.given_model import _Judged
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.summary import Summary
-from ecm.diagnosis.verdict import Decision
+from ecm.diagnosis.verdict import WEIGHTS, Decision
 from ecm.effects import Effect
 from ecm.errors import EcmError, InputError, ModelError
 from ecm.io.arrays import F
@@ -521,7 +522,9 @@ def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
     meta = Meta(instrument=INSTRUMENT)
     stiff = as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle}, meta=meta)
     unloaded = as_table({"theta_z_rad": angle, "tau_z_Nm": 0.0 * angle}, meta=meta)
-    given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
+    found = diagnose(fit_model(stiff, "linear"), unloaded, effects=[])
+    assert not found.ranking  # no effects are none, not all
+    given = found.model
     assert given.answer != "table"
     assert given.statement is None
 
@@ -563,6 +566,7 @@ def test_a_table_that_only_the_given_model_shows_to_be_misread_is_not_said_to_la
     assert found.verdict == "unknown"
     assert found.unknown is not None
     assert found.unknown.misread
+    assert found.probability == pytest.approx(expit(WEIGHTS["unknown"][0]))
     assert "Nothing is missing" not in found.report().text()
 
 

@@ -127,8 +127,8 @@ def prepare(
         table, unexplained = table.subsample(chosen), unexplained.subsample(chosen)
     zeros = () if model.base.kind == "physics" else zero_columns(table)
     unexplained = unexplained.drop(*zeros)
-    chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
-    given = effects_of(unexplained, chosen_effects or None)
+    asked = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
+    given = effects_of(unexplained, None if effects is None else asked)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
     return Prepared(

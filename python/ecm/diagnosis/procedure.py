@@ -667,9 +667,7 @@ def _without_outweighed(decision: Decision) -> tuple[Decision, Posterior] | None
     problem, accepted = decision.problem, decision.accepted
     for place, item in enumerate(accepted.effects if len(accepted.effects) > 1 else ()):
         others = without(accepted.effects, item)
-        # Of what the others explain their forms may leave a part, as those of the model's may.
-        there = replace(problem, held=problem.held + delta_chi2(problem, others))
-        chances = posterior(there, (item,), others)
+        chances = posterior(problem, (item,), others)
         if chances.of_effects < 1.0 - SURE:
             classes = accepted.classes[:place] + accepted.classes[place + 1 :]
             kept = Accepted(others, classes, accepted.checks, problem.fit_with(others))

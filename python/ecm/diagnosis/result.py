@@ -352,7 +352,8 @@ def report(
         return made
     # The base has taken in what the given model shows to be misread: its `none` is none.
     unknown = Unknown((), statement.sentence(), None, "", statement, misread=True)
-    return replace(made, verdict="unknown", unknown=unknown, family=None)
+    chance = probability(replace(decision, unknown=unknown, family=None))
+    return replace(made, verdict="unknown", probability=chance, unknown=unknown, family=None)
 
 
 def _next_experiments(decision: Decision) -> tuple[Proposal, ...]:

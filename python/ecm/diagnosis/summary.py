@@ -325,6 +325,8 @@ def _fall_of_model(document: Mapping[str, Any]) -> str:
     before, after = (document["addition"]["held_out"][key] for key in ("before", "after"))
     if after is None or document["model"]["name"] == document["model"]["base"]:
         return ""
+    if document["noise"].get("is_assumed"):
+        return f"to {after / max(before, 1e-300):.0%} of its error"
     return f"{before:.2f} -> {after:.2f} times the noise"
 
 
