@@ -557,6 +557,28 @@ def test_a_late_force_and_a_mass_that_moves_are_named_also_of_few_columns(
         assert size == pytest.approx(value, rel=0.05)
 
 
+@pytest.mark.parametrize("hidden", ["permanent_set", "ageing", ""])
+def test_a_pad_that_takes_a_set_or_hardens_is_known_by_one_column(hidden: str) -> None:
+    """It was a drift of the sensor or a relaxation, and a cause that follows the time."""
+    random, rows = np.random.default_rng(7), 200
+    time = 15.0 * np.arange(rows)
+    z = (
+        -1.5e-3
+        * random.uniform(0.0, 1.0, rows)
+        * np.minimum(1.0, 0.4 + 0.8 * np.arange(rows) / rows)
+    )
+    moved = 0.06 * np.minimum.accumulate(np.minimum(0.0, z + 5e-4)) * (hidden == "permanent_set")
+    left = z - moved
+    force = 9000.0 * left * (1.0 + 0.4 * (left / 3e-3) ** 2)
+    force *= 1.0 + 0.03 * np.log1p(time / 600.0) * (hidden == "ageing")
+    meta = {"instrument": {"force_sd_N": 0.03, "pose_position_sd_m": 3e-6}}
+    columns = {"z_m": z, "fz_N": force + 0.03 * random.standard_normal(rows), "time_s": time}
+    table = ecm.Table(columns, meta)
+    found = ecm.diagnose(ecm.fit(table, "cubic", force=True), table)
+    assert (found.verdict == "none") == (hidden == ""), found.sentence()
+    assert not hidden or found.answer[0][0] == hidden, found.sentence()
+
+
 @pytest.mark.parametrize("sd", [0.02, 0.2])
 @pytest.mark.parametrize("digits", [None, 2])
 def test_a_second_load_that_is_measured_well_is_a_cause(sd: float, digits: int | None) -> None:

@@ -45,6 +45,10 @@ def _needs_unloading(table: Table) -> Missing | None:
     return None
 
 
+_YIELDS = (0.3, 0.55, 0.8)
+"""Shares of the rows that leave no set, of the yields that are tried."""
+
+
 def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
     """(N,) size of the force; of the moment where no force is known."""
     counts = [outputs.index(name) for name in _of_load(outputs)]
@@ -230,6 +234,7 @@ class Ageing(Settling, TimedEffect):
         "the first poses again at the end, and next day",
     )
     signature = "proportional to h, monotone in t"
+    requires = (needs_varying("time_s", 1.0),)
     rivals = {"temperature_modulus": "repeat_next_day", "mullins_softening": "repeat_first_poses"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
@@ -370,7 +375,8 @@ class PermanentSet(TimedEffect):
 
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
     with rotations times the length; `each` coordinate with a share of its own, where no home checks
-    show the set by itself. It ends with a run, or is `kept` in joined tables.
+    show the set by itself. It ends with a run, or is `kept` in joined tables. With fewer than the
+    twelve columns p_set follows the largest load so far, beyond a `yield_load`.
 
     Parameters: share*: part of the largest pose that stays as a set.
     """
@@ -397,8 +403,13 @@ class PermanentSet(TimedEffect):
     """Deflection in m that leaves no set."""
     history: str = optional("run")
     """Whether the set ends with a `run` or is `kept` over all runs."""
+    yield_load: float | None = optional(None)
+    """With fewer than the twelve columns the force or moment, N or N m, that leaves no set."""
 
     def __post_init__(self) -> None:
+        if self.yield_load is not None:
+            self.physics = "The rest moves to the side of the largest load that there was."
+            self.needs = "time (time_s), or rows step by step, and loads after larger ones"
         if self.memory == "each":
             (share,) = PermanentSet.parameters
             names = (name.rsplit("_", 1)[0] for name in POSE)
@@ -406,6 +417,8 @@ class PermanentSet(TimedEffect):
 
     def missing(self, table: Table) -> Missing | None:
         """Needs order, and home checks; without these it imitates other effects."""
+        if self.yield_load is not None:
+            return _needs_unloading(table)
         lacking = super().missing(table)
         if lacking is not None or _has_home(table):
             return lacking
@@ -414,21 +427,34 @@ class PermanentSet(TimedEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both memories, the second with four yield lengths; without home checks also `each`."""
+        if self.yield_load is not None:
+            measured = table.measured()
+            load = _load(measured.matrix(measured.wrench_columns), measured.wrench_columns)
+            loads = (float(f"{np.quantile(load, share):.4g}") for share in _YIELDS)
+            return tuple(PermanentSet(yield_load=own) for own in (0.0, *loads))
         length = table.meta.length_m
         poses = table.measured().poses
         rest = np.array([np.median(poses[:, 0]) if length is None else length, 0, 0, 0, 0, 0])
         far = _far(poses - rest, float(rest[0]))
-        yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in (0.3, 0.55, 0.8))]
+        yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in _YIELDS)]
         memories = ("summed",) if _has_home(table) else ("summed", "each")
         forms = (("largest", 0.0), *((memory, y) for memory in memories for y in yields))
         return tuple(PermanentSet(*form, kept) for kept in memory_options(table) for form in forms)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Yield lengths between this one and its neighbours."""
-        return self.nearby("yield_m", 1.0 + 0.2 * 0.5**round_)
+        name = "yield_m" if self.yield_load is None else "yield_load"
+        return self.nearby(name, 1.0 + 0.2 * 0.5**round_)
 
     def columns(self, rows: Rows) -> F:
         """-K (p_largest - p0), or -K times the sum of all earlier deflections."""
+        if self.yield_load is not None:
+            size, load = _load(rows.material_wrench, rows.base.outputs), rows.material_wrench
+            at = largest_so_far(rows.table, size, self.history, index=True).astype(np.int64)
+            beyond = np.maximum(0.0, size - self.yield_load) / np.maximum(size, 1e-300)
+            largest = (load * beyond[:, None])[at]
+            moved = largest @ np.linalg.pinv(rows.mean_stiffness[:, rows.of_pose]).T
+            return np.asarray(-(rows.stiffness[:, :, rows.of_pose] @ moved[:, :, None]))
         deflection = rows.loaded(rows.poses - rows.rest_pose)
         if self.memory != "largest":
             far = _far(deflection, rows.length_m)
@@ -466,4 +492,4 @@ EFFECTS = (
     Ageing(),
     PermanentSet(),
 )
-FEW = (MullinsSoftening(load_width=0.0),)
+FEW = (MullinsSoftening(load_width=0.0), Ageing(), PermanentSet(yield_load=0.0))

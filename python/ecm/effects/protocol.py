@@ -390,7 +390,7 @@ class TimedEffect(LinearEffect):
     """Base class of effects that follow the order of the rows, or their times."""
 
     needs = "order (time_s)"
-    requires = (needs_full, needs_varying("time_s", 1.0))
+    requires: tuple[Need, ...] = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
 
 
