@@ -38,6 +38,14 @@ def test_more_columns_than_rows_span_all_of_them_or_less() -> None:
     assert basis @ (basis.T @ flat) == pytest.approx(flat, abs=1e-10)
 
 
+def test_rounding_errors_beside_more_columns_than_rows_are_no_direction() -> None:
+    random = np.random.default_rng(4)
+    sizes = np.logspace(0.0, -3.0, 90)[:, None]
+    columns = random.standard_normal((90, 90)) @ (sizes * random.standard_normal((90, 91)))
+    basis = orthonormal(columns)
+    assert basis.T @ basis == pytest.approx(np.eye(basis.shape[1]), abs=1e-12)
+
+
 def test_what_a_dependent_base_explains_is_no_structure() -> None:
     """A column of pose that never varies makes the base's columns dependent."""
     random = np.random.default_rng(3)

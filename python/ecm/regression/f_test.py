@@ -380,7 +380,8 @@ def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
         return columns
     products = _products(columns) / np.outer(norms, norms)
     told = dependent >= _DEPENDENT
-    factor = independent_factor(products, dependent if told else _INDEPENDENT)
+    # More columns than rows are dependent, though rounding errors may look like a rest.
+    factor = None if len(norms) > len(columns) else independent_factor(products)
     order: I = np.arange(len(norms))
     # A dependent column gets a direction of rounding errors, which takes a part of those after it:
     # with the longest rest first, dependent ones come last.
