@@ -290,6 +290,20 @@ def test_what_another_base_lacks_is_not_added_to_a_model_that_holds_it(measured:
     assert found.refused == "what it errs less with it may be chance"
 
 
+def test_a_load_that_changed_gets_its_numbers_from_the_new_rows_alone(measured: Table) -> None:
+    """Fitted to both tables, it would be the mean of two loads: wrong on either."""
+    payload = [get_effect("payload")]
+    model = refit(fit_model(measured, "energy4"), measured, add=payload)
+    assert addition_to(model, measured, payload) is None
+    heavier = measured.with_columns({"fx_N": measured["fx_N"] + 15.0})
+    found = addition_to(model, heavier, payload)
+    assert found is not None
+    assert found.remedy is not None
+    assert found.remedy.shown == 'better = ecm.refit(model, table, freeze="base")'
+    again = refit(model, heavier, freeze="base").effects[0]
+    assert abs(again.values[0] - model.effects[0].values[0]) == pytest.approx(15.0 / 9.81, rel=0.1)
+
+
 def test_an_addition_is_weighed_on_its_own_rows_and_not_on_those_of_the_last_fit(
     measured: Table,
 ) -> None:

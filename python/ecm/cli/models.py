@@ -413,7 +413,7 @@ def refit(
     force: bool = False,
     **options: Any,
 ) -> None:
-    """Fit a model again with an effect more or less: fit report and fit history.
+    """Fit a model again, as it is or with an effect more or less: fit report and fit history.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ecm.effects.protocol import Effect
-from ecm.errors import ComputationError, EcmError, InputError, ModelError, Remedy, remedy_of
+from ecm.errors import ComputationError, EcmError, ModelError, Remedy, remedy_of
 from ecm.io.arguments import listed
 from ecm.io.arrays import B, F, eigh, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
@@ -449,7 +449,7 @@ def refit(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Model:
-    """Fit a model again to a table, with an effect more or less.
+    """Fit a model again to a table, as it is or with an effect more or less.
 
     Parameters
     ----------
@@ -480,7 +480,7 @@ def refit(
     Raises
     ------
     InputError
-        Nothing to change, an unknown id, or an effect that the table cannot test.
+        An unknown id, or an effect that the table cannot test.
     ComputationError
         The new model is worse than the one before, or than the mean of the readings.
 
@@ -498,11 +498,6 @@ def refit(
     >>> print(model.fit_report().splitlines()[3])
         fy_rate = 0.05 +- 0.016 N/s
     """
-    if not (add or remove or freeze):
-        raise InputError(
-            "refit: nothing to change; give add, remove or freeze "
-            "(--add EFFECT, --remove EFFECT, --freeze NAME)"
-        )
     add, remove, freeze = listed(add), listed(remove), listed(freeze)
     model = as_model(model, table)
     fitted = _changed(model, table, add, remove, freeze, progress)
@@ -595,7 +590,9 @@ class Addition:
 def addition_to(
     model: Model, table: Table, effects: Sequence[Effect], richer: str = "", against: str = ""
 ) -> Addition | None:
-    """Add effects to a model as `ecm refit` does; None where it has them all already.
+    """Add effects to a model as `ecm refit` does, or fit anew the numbers of those that it has.
+
+    None where it has them all and their numbers alone leave what these rows show.
 
     Parameters
     ----------
@@ -614,7 +611,7 @@ def addition_to(
     present = {item.id: item.effect for item in model.effects}
     new = [effect for effect in effects if effect.id not in present]
     if not new:
-        return None
+        return _numbers_again(model, table, tuple(effect.id for effect in effects))
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
@@ -664,6 +661,21 @@ def addition_to(
         base=other if better else None,
         removed=removed,
     )
+
+
+def _numbers_again(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
+    """Fit the numbers of the model's effects to these rows, where that mends it: a load changed."""
+    try:
+        again = model.freeze("base").fit(table, with_ceiling=False)
+        refuse_addition(again, table, model)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
+    if not is_far_behind(rms(before / sd), rms(after / sd)):
+        return None
+    words = f"fit the numbers of {' and '.join(ids)} to these rows"
+    remedy = Remedy(words, "ecm refit MODEL DATA --freeze base --out OUT")
+    return Addition(ids, None, None, "", remedy)
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
