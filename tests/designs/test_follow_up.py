@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from ecm.cli.diagnose import _write_next
+from ecm.cli.session import Session
 from ecm.designs import can_be_run, follow_up_plan
 from ecm.designs.plans import predicted_table
 from ecm.designs.regressors import NominalModel
@@ -46,6 +50,13 @@ def test_a_verdict_on_one_axis_stands_without_a_plan(tmp_path: Path, ecm_command
     assert f"{plan}: not written, a plan drives all six coordinates" in done.out
     assert json.loads(found.read_text(encoding="utf-8"))["verdict"] == "ambiguous"
     assert not plan.exists()
+
+
+def test_what_tells_a_name_from_others_is_planned_as_it_is_printed(tmp_path: Path) -> None:
+    said = {"next_experiment": [], "look_alikes": [{"apart": "remount turned by 180 degrees"}]}
+    session = cast(Session, SimpleNamespace(print=print))
+    _write_next(tmp_path / "next.csv", campaign(seed=3), said, session)
+    assert "remount:180" in read_table(tmp_path / "next.csv").text("action")
 
 
 def test_home_is_at_the_length_of_the_mesh_where_none_is_stated(tmp_path: Path) -> None:

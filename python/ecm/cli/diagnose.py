@@ -102,7 +102,8 @@ def _compared(model: Model, table: Table, result: Diagnosis) -> tuple[Comparison
 def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:
     """Write the first proposed experiment that a campaign can drive, in whole or in part."""
     actions = [item["action"] for item in document["next_experiment"]]
-    action = next((action for action in actions if can_be_run(action)), None)
+    actions += [item["apart"] for item in document["look_alikes"]]
+    action = next(filter(can_be_run, actions), None)
     if action is None:
         session.print(f"{path}: not written, no campaign is needed or could drive what is proposed")
         return
