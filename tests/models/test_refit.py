@@ -304,6 +304,22 @@ def test_a_load_that_changed_gets_its_numbers_from_the_new_rows_alone(measured: 
     assert abs(again.values[0] - model.effects[0].values[0]) == pytest.approx(15.0 / 9.81, rel=0.1)
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_a_base_held_near_physics_has_no_free_coefficients_to_weigh(
+    held: bool, measured: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It fits the rows worse than a free one, and foretells others better."""
+    model = fit_model(measured, "energy4")
+    fitted = refit(model, measured, add="payload")
+    history = (*fitted.history[:-1], replace(fitted.history[-1], chi2=1e9))
+    training = {"prior": {"sentence": ""}} if held else {}
+    fitted = replace(fitted, history=history, training=training)
+    monkeypatch.setattr(refit_module, "_changed", lambda *_, **__: fitted)
+    found = addition_to(model, measured, [get_effect("payload")], against="energy5")
+    assert found is not None
+    assert (found.remedy is not None) == held
+
+
 def test_an_addition_is_weighed_on_its_own_rows_and_not_on_those_of_the_last_fit(
     measured: Table,
 ) -> None:

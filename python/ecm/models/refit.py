@@ -590,9 +590,7 @@ class Addition:
 def addition_to(
     model: Model, table: Table, effects: Sequence[Effect], richer: str = "", against: str = ""
 ) -> Addition | None:
-    """Add effects to a model as `ecm refit` does, or fit anew the numbers of those that it has.
-
-    None where it has them all and their numbers alone leave what these rows show.
+    """Add effects to a model as `ecm refit` does, or fit those that it has anew; else None.
 
     Parameters
     ----------
@@ -648,7 +646,8 @@ def addition_to(
     other, most = (against, after / _TIMES) if far else (richer, after)
     every = [*present.values(), *new]
     better = remedy_with_base(other, every, table, most) if other else None
-    no_less = after >= before or last.bic_fall(first) <= 0.0
+    held = "prior" in found.training  # near the physics: its coefficients are no free ones
+    no_less = after >= before or (not held and last.bic_fall(first) <= 0.0)
     if known and not better and no_less and against not in ("", model.name):
         # It may hold already what the base lacks that they were named against.
         return Addition(ids, before, after, "what it errs less with it may be chance", None)
@@ -665,17 +664,14 @@ def addition_to(
 
 def _numbers_again(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
     """Fit the numbers of the model's effects to these rows, where that mends it: a load changed."""
-    try:
+    with suppress(EcmError, np.linalg.LinAlgError):
         again = model.freeze("base").fit(table, with_ceiling=False)
         refuse_addition(again, table, model)
-    except (EcmError, np.linalg.LinAlgError):
-        return None
-    (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
-    if not is_far_behind(rms(before / sd), rms(after / sd)):
-        return None
-    words = f"fit the numbers of {' and '.join(ids)} to these rows"
-    remedy = Remedy(words, "ecm refit MODEL DATA --freeze base --out OUT")
-    return Addition(ids, None, None, "", remedy)
+        (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
+        if is_far_behind(rms(before / sd), rms(after / sd)):
+            remedy = Remedy("fit its effects anew", "ecm refit MODEL DATA --freeze base --out OUT")
+            return Addition(ids, None, None, "", remedy)
+    return None
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
