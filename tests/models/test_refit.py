@@ -304,6 +304,17 @@ def test_a_load_that_changed_gets_its_numbers_from_the_new_rows_alone(measured: 
     assert abs(again.values[0] - model.effects[0].values[0]) == pytest.approx(15.0 / 9.81, rel=0.1)
 
 
+def test_where_the_base_changed_too_the_model_is_fitted_anew() -> None:
+    table, _ = _stiff_on_one_axis(60, 3)
+    drifting = table.with_columns({"fx_N": table["fx_N"] + 0.01 * table["time_s"]})
+    model = refit(fit_model(drifting, "linear"), drifting, add="fts_drift")
+    stiffer = drifting.with_columns({"fx_N": 2.0 * drifting["fx_N"]})
+    found = addition_to(model, stiffer, [item.effect for item in model.effects])
+    assert found is not None
+    assert found.remedy is not None
+    assert found.remedy.shown == "better = ecm.refit(model, table)"
+
+
 @pytest.mark.parametrize("held", [False, True])
 def test_a_base_held_near_physics_has_no_free_coefficients_to_weigh(
     held: bool, measured: Table, monkeypatch: pytest.MonkeyPatch

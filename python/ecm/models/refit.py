@@ -609,7 +609,7 @@ def addition_to(
     present = {item.id: item.effect for item in model.effects}
     new = [effect for effect in effects if effect.id not in present]
     if not new:
-        return _numbers_again(model, table, tuple(effect.id for effect in effects))
+        return _fitted_anew(model, table, tuple(effect.id for effect in effects))
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
@@ -662,15 +662,16 @@ def addition_to(
     )
 
 
-def _numbers_again(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
-    """Fit the numbers of the model's effects to these rows, where that mends it: a load changed."""
-    with suppress(EcmError, np.linalg.LinAlgError):
-        again = model.freeze("base").fit(table, with_ceiling=False)
-        refuse_addition(again, table, model)
-        (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
-        if is_far_behind(rms(before / sd), rms(after / sd)):
-            remedy = Remedy("fit its effects anew", "ecm refit MODEL DATA --freeze base --out OUT")
-            return Addition(ids, None, None, "", remedy)
+def _fitted_anew(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
+    """Fit a model anew to these rows, its base only where the effects alone do not mend it."""
+    for kept, options in ((model.freeze("base"), " --freeze base"), (model, "")):
+        with suppress(EcmError, np.linalg.LinAlgError):
+            again = kept.fit(table, with_ceiling=False)
+            refuse_addition(again, table, model)
+            (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
+            if is_far_behind(rms(before / sd), rms(after / sd)):
+                remedy = Remedy("fit it anew", f"ecm refit MODEL DATA{options} --out OUT")
+                return Addition(ids, None, None, "", remedy)
     return None
 
 
