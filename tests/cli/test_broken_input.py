@@ -198,8 +198,6 @@ CASES = (
          ("m.json is a model", "ecm fit data.csv --out n.json"), {"d.csv": GOOD}, fit_first=True),
     Case("refit with an unknown effect", ("refit", "m.json", "d.csv", "--add", "payloat", "--out",
          "n.json"), ("payloat", "did you mean 'payload'"), {"d.csv": GOOD}, fit_first=True),
-    Case("refit without a change", ("refit", "m.json", "d.csv", "--out", "n.json"),
-         ("--add EFFECT",), {"d.csv": GOOD}, fit_first=True),
     Case("removing what is not there", ("refit", "m.json", "d.csv", "--remove", "payload",
          "--out", "n.json"), ("no effect payload",), {"d.csv": GOOD}, fit_first=True),
     Case("freezing what was never fitted", ("refit", "m.json", "d.csv", "--add", "fts_offset",
