@@ -9,16 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_431, 201),
+    "python/ecm": (44_460, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (36_221, 239),
+    "tests": (36_285, 239),
     "crates": (34_570, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: fits of
-models of actuators from those of all rows on (50 lines), what an effect moves their inputs by (12),
-a sensor that is mounted again and days in logs (15), positions that count from rest and the noise
-that a choice is said in (10), a mass that moves in few columns (20), and tests."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
+that moves, ageing and a set in few columns (35 lines), a model that is fitted anew to new rows (10),
+positions that count from rest and the noise that a choice is said in (10), and tests."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -379,12 +379,14 @@ def orthonormal(columns: F, dependent: float = _DEPENDENT) -> F:
     if not len(norms):
         return columns
     products = _products(columns) / np.outer(norms, norms)
+    told, factor = dependent >= _DEPENDENT, None
     # More columns than rows are dependent, though rounding errors may look like a rest.
-    factor = None if len(norms) > len(columns) else independent_factor(products)
+    if len(norms) <= len(columns):
+        factor = independent_factor(products, dependent if told else _INDEPENDENT)
     order: I = np.arange(len(norms))
     # A dependent column gets a direction of rounding errors, which takes a part of those after it:
     # with the longest rest first, dependent ones come last.
-    if factor is None and dependent >= _DEPENDENT:
+    if factor is None and told:
         factor, order = _pivoted(products, dependent)
     if factor is None:
         unit = columns / norms
