@@ -16,7 +16,7 @@ LIMITS = {
     "crates": (34_570, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
-that moves, ageing and a set in few columns (35 lines), a model that is fitted anew to new rows (10),
+that moves, ageing and a set in few columns (35 lines), a model that is fitted anew (10),
 positions that count from rest and the noise that a choice is said in (10), and tests."""
 
 
