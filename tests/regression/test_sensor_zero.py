@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.diagnosis import find_missing
 from ecm.effects import Rows, get_effect
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
 from ecm.io.validate import join_runs
+from ecm.models import fit_model
 from ecm.models.joint_fit import joint_fit
 from ecm.regression.noise import Noise, shared_zero_error
 from support.campaigns import campaign, physics
@@ -66,6 +68,17 @@ def test_the_zero_scatters_as_the_readings_after_it_do() -> None:
     sd = np.einsum("nji,njk->nik", rows.base_from_top, columns)[0].diagonal()
     expected = SHARE * np.repeat([NOISE.force_sd_N, NOISE.torque_sd_Nm], 3)
     assert sd == pytest.approx(expected, rel=0.4)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_an_offset_within_the_error_of_the_zero_is_no_missing_effect(offset: float) -> None:
+    """All rows hold one draw of that error, which is no effect however many rows there are."""
+    values = offset * np.array([3.0, -3.0, 2.0, 0.1, -0.1, 0.1])
+    tables = [measured(seed, "fts_offset", values) for seed in range(8)]
+    said = [find_missing(fit_model(one, "energy4"), one, noise=NOISE) for one in tables]
+    named = [any("fts_offset" in members for members in one.answer) for one in said]
+    assert named == [offset > 0.0] * 8
+    assert all((one.verdict == "none") == (offset == 0.0) for one in said)
 
 
 def test_without_readings_that_show_it_the_zero_adds_nothing() -> None:

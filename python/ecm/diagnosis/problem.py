@@ -52,6 +52,7 @@ from ecm.regression.noise import (
     Noise,
     grown_by_rest,
     is_exact,
+    shared_zero_error,
     some_rows,
     weighed_by_rest,
 )
@@ -216,6 +217,12 @@ class LeftOut:
     def columns(self, base_block: F, terms: F) -> F:
         """(N, m, e) of any rows, from the columns of the base and of the terms there."""
         return terms @ self.turn - base_block @ self.of_base
+
+
+def known_errors(rows: Rows, base: StiffnessMap, noise: Noise) -> F:
+    """(N, m, e) of one standard deviation each: the base's own errors, and those of the zeros."""
+    zeros = shared_zero_error(rows, rows.table.matrix(base.outputs), noise)
+    return np.concatenate((error_columns(rows, base), zeros), axis=2)
 
 
 def all_score_columns(
@@ -678,9 +685,9 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
     free = block.shape[2]
     left_out: LeftOut | None = None
     if free:
-        errs, terms = (
-            bare.whitener @ part(bare.rows, bare.base) for part in (error_columns, further_columns)
-        )
+        rows, base = bare.rows, bare.base
+        errs = bare.whitener @ known_errors(rows, base, bare.noise)
+        terms = bare.whitener @ further_columns(rows, base)
         left_out = LeftOut.of(projection, block, terms)
         block = np.concatenate((block, errs, left_out.columns(block, terms)), axis=2)
     norms = _lengths(block)
