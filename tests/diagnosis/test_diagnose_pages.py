@@ -244,7 +244,10 @@ def test_nobody_is_told_to_add_what_lets_the_model_err_more(told: dict[str, Told
     }
     assert "# this model 4.72 -> 4.54 times the noise" in Summary.of(held).add
     held["addition"] |= {"refused": "it may be chance", "remedy": None}
-    assert Summary.of(held).add.startswith("nothing to this model")
+    assert (
+        Summary.of(held).add
+        == "nothing to this model: it may be chance, 4.72 -> 4.54 times the noise"
+    )
 
 
 def test_the_first_line_has_no_number_that_the_data_hold_at_zero(told: dict[str, Told]) -> None:

@@ -312,7 +312,7 @@ def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
     command = _command(addition["remedy"]) or _NOTHING
     brings = _fall_of_model(document)
     if brings and addition["remedy"] is None:
-        return f"nothing to this model, which gains nothing by it: {brings}"
+        return f"nothing to this model: {addition['refused']}, {brings}"
     if addition["refused"]:
         return f"{command}   # not to this model: the details say why"
     said = [addition["remedy"]["words"]] if addition["base"] else []

@@ -650,7 +650,8 @@ def addition_to(
     no_less = after >= before or (not held and last.bic_fall(first) <= 0.0)
     if known and not better and no_less and against not in ("", model.name):
         # It may hold already what the base lacks that they were named against.
-        return Addition(ids, before, after, "what it errs less with it may be chance", None)
+        errs = "less with it, which may be chance" if after < before else "no less with it"
+        return Addition(ids, before, after, f"it errs {errs}", None)
     return Addition(
         ids,
         before if known else None,
