@@ -209,8 +209,8 @@ def test_a_wrong_name_that_was_added_is_taken_back_by_the_experiment_that_was_as
     assert mass == pytest.approx(0.5, abs=0.02)
 
 
-def test_other_values_alone_ask_for_a_fit_to_all_rows() -> None:
-    """Fitted to the new rows alone it would forget what the others said."""
+def test_other_values_alone_ask_for_a_fit_to_the_new_rows_that_keeps_the_base() -> None:
+    """Fitted to all rows it would be the mean of two zeros, and anew lose what the others said."""
     given, before, _ = zero_in_place_of_a_payload()
     zero = np.array([1.5, -1.0, 0.8, 0.03, -0.04, 0.05])
     right = given.remove("fts_offset").add("payload").fit(before)
@@ -219,7 +219,7 @@ def test_other_values_alone_ask_for_a_fit_to_all_rows() -> None:
     assert found.answer == (("fts_offset",),)
     assert found.effects[0].values == pytest.approx(zero, abs=0.3)
     assert found.to_dict()["effects"][0]["change"] is True
-    assert found.summary().add.endswith("refit it to these rows together with those of its fit")
+    assert found.summary().add.endswith('ecm.refit(model, table, freeze="base")')
 
 
 def changes_offered(given: Model, table: Table) -> list[str]:

@@ -25,7 +25,7 @@ from scipy import special
 from ecm.designs.plans import follow_up_plan, predicted_table
 from ecm.designs.regressors import NominalModel
 from ecm.diagnosis.accept import confusion_class, squares_left_after
-from ecm.diagnosis.problem import Candidate, Candidates, Problem, known_errors, score_columns
+from ecm.diagnosis.problem import Candidate, Candidates, Problem, score_columns, zero_errors
 from ecm.diagnosis.search import delta_chi2, estimate, without
 from ecm.diagnosis.settings import FORM_SHARE, REFUTED_BY, REFUTED_SHARE
 from ecm.effects import Rows, all_effects
@@ -36,7 +36,7 @@ from ecm.io.arrays import F, I
 from ecm.io.columns import TEXT
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models.joint_fit import base_columns, further_columns
+from ecm.models.joint_fit import base_columns, error_columns, further_columns
 from ecm.regression.normal_equations import projected_out, solve
 
 POWER = 0.9
@@ -241,8 +241,8 @@ class Added:
         blocks = []
         if left_out is not None:
             own, terms = base_columns(joined, base), further_columns(joined, base)
-            known = known_errors(joined, base, problem.noise)
-            blocks = [own, known, left_out.columns(own, terms)]
+            errors = error_columns(joined, base), left_out.columns(own, terms)
+            blocks = [own, *errors, zero_errors(joined, problem.noise)]
         blocks = [(whitener @ part)[fresh] for part in blocks]
         place = {}
         for candidate in (*group.others, *shapes):

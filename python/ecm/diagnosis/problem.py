@@ -219,10 +219,9 @@ class LeftOut:
         return terms @ self.turn - base_block @ self.of_base
 
 
-def known_errors(rows: Rows, base: StiffnessMap, noise: Noise) -> F:
-    """(N, m, e) of one standard deviation each: the base's own errors, and those of the zeros."""
-    zeros = shared_zero_error(rows, rows.table.matrix(base.outputs), noise)
-    return np.concatenate((error_columns(rows, base), zeros), axis=2)
+def zero_errors(rows: Rows, noise: Noise) -> F:
+    """(N, m, z) what one standard deviation of each of the sensor's zeros does."""
+    return shared_zero_error(rows, rows.table.matrix(rows.base.outputs), noise)
 
 
 def all_score_columns(
@@ -468,7 +467,7 @@ class Problem:
     """(K,) lengths of the columns before they were made unit."""
     n_base: int
     """Number of base columns in the design: of its coefficients, then those of its known errors,
-    whose size has a normal prior of standard deviation 1."""
+    whose size has a normal prior of standard deviation 1; the sensor's `zeros` are last."""
     projected_base: F
     """(N, m, b) orthogonal columns of a base that is too large for the design; else b = 0."""
     candidates: tuple[Candidate, ...]
@@ -484,6 +483,8 @@ class Problem:
     """Variance that no column explains; 1 where the noise is right."""
     scale_freedom: int = 0
     """Its degrees of freedom; 0 where the rows do not tell it."""
+    zeros: int = 0
+    """Number of errors of the sensor's zeros."""
     left_out: LeftOut | None = None
     """What the base leaves out of the next degree; None of one that is projected out."""
     reduced: tuple[F, F] | None = None
@@ -685,11 +686,13 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
     free = block.shape[2]
     left_out: LeftOut | None = None
     if free:
-        rows, base = bare.rows, bare.base
-        errs = bare.whitener @ known_errors(rows, base, bare.noise)
-        terms = bare.whitener @ further_columns(rows, base)
+        errs, terms = (
+            bare.whitener @ part(bare.rows, bare.base) for part in (error_columns, further_columns)
+        )
+        zeros = bare.whitener @ zero_errors(bare.rows, bare.noise)
         left_out = LeftOut.of(projection, block, terms)
-        block = np.concatenate((block, errs, left_out.columns(block, terms)), axis=2)
+        block = np.concatenate((block, errs, left_out.columns(block, terms), zeros), axis=2)
+        bare = replace(bare, zeros=zeros.shape[2])
     norms = _lengths(block)
     precision = np.zeros(len(norms))
     precision[free:] = 1.0 / norms[free:] ** 2

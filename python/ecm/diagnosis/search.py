@@ -420,9 +420,12 @@ def held_out_t(problem: Problem, others: Candidates, item: Candidate) -> float:
 def held_out_squares(problem: Problem, chosen: Candidates, kind: str) -> F:
     """Return (g,) held-out sums of squares of each group.
 
-    Of kind "pose" blocks of time are held out, of kind "time" clusters of poses.
+    Of kind "pose" blocks of time are held out, of kind "time" clusters of poses. The errors of the
+    sensor's zeros are no part of what foretells.
     """
-    columns, fold = problem.columns_of(chosen), _fold_of_group(problem, kind)
+    zeros = range(problem.n_base - problem.zeros, problem.n_base)
+    columns = tuple(c for c in problem.columns_of(chosen) if c not in zeros)
+    fold = _fold_of_group(problem, kind)
     projected = problem.normal_of_projected.rows()
     return problem.normal.held_out(columns, fold, _scored_groups(problem), projected=projected)
 

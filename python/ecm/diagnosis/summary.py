@@ -352,8 +352,9 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{family['experiment']} ({family['minutes']} min): shows {shows}"
     if document["answer"] and _too_few(document):
         yield "measure more: these are too few for the model and what it lacks together"
-    yield from _told_apart(document)
+    # What looks like an effect beside what is unknown comes after that.
     yield from _of_unknown(unknown)
+    yield from _told_apart(document)
     if unknown or document["verdict"] == "ambiguous":
         yield "record one more column: the details list what these data cannot test"
     before, model = document["held_out"]["before"], document["model"]

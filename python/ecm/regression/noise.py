@@ -314,8 +314,8 @@ def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
     """(N, 6, 6 c) wrench of each row per standard deviation of the zero's error, in base axes.
 
     One column for each axis of the top frame and each of c campaigns, which have zeros of their
-    own. Standard deviations of force and torque are those of the campaign's unloaded readings about
-    their mean, at most those of a row. A campaign with fewer than three readings has no columns.
+    own. Standard deviations of force and torque are those of the campaign's unloaded readings, one
+    after the other, at most those of a row. A campaign with fewer than three has no columns.
 
     Parameters
     ----------
@@ -333,7 +333,8 @@ def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
         if read.sum() < _LEAST_READINGS:
             continue
         in_top = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
-        variance = in_top.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
+        # By differences of neighbours: what creeps from reading to reading is no error of one.
+        variance = 0.5 * (np.diff(in_top, axis=0) ** 2).mean(axis=0).reshape(2, 3).mean(axis=1)
         sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
         columns.append(rows.base_from_top * sd * own[:, None, None])
     return np.concatenate(columns, axis=2)
