@@ -9,15 +9,15 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_466, 201),
+    "python/ecm": (44_470, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
     "tests": (36_302, 239),
     "crates": (34_570, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
-that moves, ageing and a set in few columns (35 lines), a model that is fitted anew (10),
-positions that count from rest and the noise that a choice is said in (10), and tests."""
+that moves, ageing and a set in few columns (35 lines), a model that is fitted anew and the error of
+a zero (10 each), positions that count from rest and the noise of a choice (10), and tests."""
 
 
 @pytest.mark.parametrize("part", PARTS)
