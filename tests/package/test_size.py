@@ -12,7 +12,7 @@ LIMITS = {
     "python/ecm": (44_470, 201),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (36_302, 239),
+    "tests": (36_304, 239),
     "crates": (34_570, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
