@@ -33,13 +33,17 @@ _WIDTHS = (0.0, 0.25, 0.7, 2.0)
 """Widths that are tried, over the median; 0: a straight line."""
 
 
+_UNLOADING = "time (time_s), or rows step by step, and loads after larger ones"
+"""What the next function asks for, in words."""
+
+
 def _needs_unloading(table: Table) -> Missing | None:
     """Missing without an order, or where no row lies below an earlier, larger load."""
     if (lacking := needs_order(table)) is not None:
         return lacking
     if not table.wrench_columns:
         return Missing("no wrench column", "a force or a torque", absent=True)
-    load = _load(table.matrix(table.wrench_columns), table.wrench_columns)
+    load = _measured_load(table)
     if int((largest_so_far(table, load) > 1.05 * load).sum()) < _LEAST_AGAIN:
         return Missing("no load after a larger one", "a second cycle, and smaller loads after it")
     return None
@@ -53,6 +57,11 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
     """(N,) size of the force; of the moment where no force is known."""
     counts = [outputs.index(name) for name in _of_load(outputs)]
     return np.asarray(np.linalg.norm(wrenches[:, counts], axis=1))
+
+
+def _measured_load(table: Table) -> F:
+    """(N,) the same of the readings."""
+    return _load(table.matrix(table.wrench_columns), table.wrench_columns)
 
 
 def _of_load(outputs: tuple[str, ...]) -> tuple[str, ...]:
@@ -294,7 +303,7 @@ class MullinsSoftening(TimedEffect):
     def __post_init__(self) -> None:
         if self.load_width is not None:
             self.physics = "The material is softer below the largest load that it has had."
-            self.needs = "time (time_s), or rows step by step, and loads after larger ones"
+            self.needs = _UNLOADING
         if self.history == "no":
             # Softer below the largest load at any time is stiffer at larger loads.
             self.id = "strain_stiffening"
@@ -306,8 +315,7 @@ class MullinsSoftening(TimedEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A straight line and some widths for each measure of the largest load."""
         if self.load_width is not None:
-            measured = table.measured()
-            load = _load(measured.matrix(measured.wrench_columns), measured.wrench_columns)
+            load = _measured_load(table.measured())
             widths = [float(f"{w * np.median(load):.4g}") for w in _WIDTHS[:3]]
             return tuple(MullinsSoftening(load_width=width) for width in widths)
         return tuple(
@@ -409,7 +417,7 @@ class PermanentSet(TimedEffect):
     def __post_init__(self) -> None:
         if self.yield_load is not None:
             self.physics = "The rest moves to the side of the largest load that there was."
-            self.needs = "time (time_s), or rows step by step, and loads after larger ones"
+            self.needs = _UNLOADING
         if self.memory == "each":
             (share,) = PermanentSet.parameters
             names = (name.rsplit("_", 1)[0] for name in POSE)
@@ -428,8 +436,7 @@ class PermanentSet(TimedEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both memories, the second with four yield lengths; without home checks also `each`."""
         if self.yield_load is not None:
-            measured = table.measured()
-            load = _load(measured.matrix(measured.wrench_columns), measured.wrench_columns)
+            load = _measured_load(table.measured())
             loads = (float(f"{np.quantile(load, share):.4g}") for share in _YIELDS)
             return tuple(PermanentSet(yield_load=own) for own in (0.0, *loads))
         length = table.meta.length_m

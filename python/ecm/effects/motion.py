@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,8 +41,9 @@ def velocity_of(table: Table, name: str, wide: bool = False) -> F:
     return rates(table, table.column(name), wide)
 
 
-def velocity(rows: Rows, names: Sequence[str] = POSE) -> F:
-    """(N, k) of the columns v_...; of a continuous table differences of the poses in each run."""
+def velocity(rows: Rows) -> F:
+    """(N, k) of the pose columns of the base: v_..., or differences of the poses in each run."""
+    names = [name for name in rows.base.inputs if name in POSE]
     return np.stack([velocity_of(rows.table, name, rows.quiet) for name in names], axis=1)
 
 
@@ -215,8 +215,7 @@ class TimeSkew(Effect):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Along the columns of the pose that the base takes."""
-        names = [name for name in rows.base.inputs if name in POSE]
-        change = rows.stiffness[:, :, rows.of_pose] @ velocity(rows, names)[:, :, None]
+        change = rows.stiffness[:, :, rows.of_pose] @ velocity(rows)[:, :, None]
         (delay,) = values
         bent = rates(rows.table, change[:, :, 0], rows.quiet)
         return np.asarray(delay * change[:, :, 0] + 0.5 * delay**2 * bent)
