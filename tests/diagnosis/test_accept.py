@@ -135,22 +135,6 @@ def test_rivals_that_win_draws_are_members_those_that_win_most_first(
     assert accepted.checks[0].chosen_share == pytest.approx(0.83)
 
 
-def test_where_three_do_not_win_enough_the_class_is_as_long_as_it_must_be(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Something is missing for sure, and four look like it: no reason to know nothing of it."""
-    problem = softened()
-    chosen = [one.candidate for one in rank(problem) if one.id == "temperature_modulus"]
-    monkeypatch.setattr(accept_module, "confusion_class", lambda _, __, item: [item.id])
-    wins = {"a": 0.3, "temperature_modulus": 0.26, "b": 0.18, "c": 0.15, "d": 0.11}
-    monkeypatch.setattr(accept_module, "selection_shares", lambda *_: wins)
-    accepted = accept_module.accept(problem, chosen)
-    assert accepted.classes == (("temperature_modulus", "a", "b", "c"),)
-    assert accepted.checks[0].chosen_share == pytest.approx(0.89)
-    wins |= {"a": 0.1, "b": 0.1}
-    assert not accept_module.accept(problem, chosen).effects
-
-
 def test_two_effects_that_win_seldom_take_no_far_rival(monkeypatch: pytest.MonkeyPatch) -> None:
     """Together they may imitate what no library holds: each must win by itself."""
     table = campaign("", 1.0, 4)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -14,11 +13,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose, find_missing, procedure, statements
+from ecm.diagnosis import Diagnosis, diagnose, find_missing, statements
 from ecm.diagnosis.given_model import _Judged
-from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.summary import Summary
-from ecm.diagnosis.verdict import WEIGHTS, Decision
+from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import Effect
 from ecm.errors import EcmError, InputError, ModelError
 from ecm.io.arrays import F
@@ -30,11 +28,11 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
 from ecm.models.fit import choose_base
 from ecm.models.joint_fit import JointFit, joint_fit
-from ecm.models.maps import EnergyMap, StiffnessMap
+from ecm.models.maps import StiffnessMap
 from ecm.models.refit import refit, remedy_with_base
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows, naming_outliers
-from support.campaigns import INSTRUMENT, campaign, physics, with_change, workspace_poses
+from support.campaigns import INSTRUMENT, physics, with_change, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
@@ -268,27 +266,6 @@ def test_a_wrong_zero_that_was_mended_before_the_second_run_is_no_drift() -> Non
     fresh = measured(7)
     wrong = found.effects[0].effect.correction(Rows(fresh, physics()), found.effects[0].values)
     assert not wrong.any()
-
-
-@pytest.mark.parametrize(("by_itself", "symmetry"), [(2.4, "general"), (5.0, "alike")])
-def test_names_are_against_the_symmetry_that_was_given_where_it_errs_far_less(
-    monkeypatch: pytest.MonkeyPatch, by_itself: float, symmetry: str
-) -> None:
-    """A hanging arm lacked a cable beside a symmetric energy: 6.3 times the noise, its own 2.4."""
-    table = campaign("payload", 1.0, 4)
-    first = find_missing(fit_model(table, "energy4"), table)
-    first = replace(first, problem=replace(first.problem, base=fit_model(table, "energy4").base))
-    given = fit_model(table, "energy4-general")
-
-    def against(base: StiffnessMap) -> Decision:
-        return replace(first, problem=replace(first.problem, base=base))
-
-    def errs(problem: Problem, chosen: object, kind: str) -> float:
-        return 6.3 if problem is first.problem else by_itself
-
-    monkeypatch.setattr(procedure, "held_out_rms", errs)
-    base = procedure._with_given_form(given, first, against).problem.base
-    assert cast(EnergyMap, base).model.symmetry == symmetry
 
 
 @pytest.mark.parametrize(("rows", "step_s"), [(12_000, 0.1), (3000, 0.4)])

@@ -68,8 +68,6 @@ CHOSEN_SHARE = 0.8
 """Share of draws that must choose a name or class."""
 KEPT_WITHIN_BOUNDS = 0.8
 """Share that parameters within their bounds, and not only to first order, must still explain."""
-CLOSE_BIC = 20.0
-"""Where an effect explains more than this, no effect at all is none of its rivals."""
 RIVAL_SHARE = 0.02
 """A rival that wins more than this share of draws is a member. They differ less than bootstraps, of
 which it would win a tenth: by the root of a third of the deviations."""
@@ -273,14 +271,6 @@ class _Chosen:
             new = sorted(often, key=lambda id: -winners[id])
         few = (*members, *new[: max(0, MOST_IN_CLASS - len(members))])
         share = share_of(winners, few)
-        if len(self.chosen) == 1 and share < CHOSEN_SHARE and alone.delta_bic > CLOSE_BIC:
-            # No effect at all is not as close as they are, and no other is beside it: the class is
-            # as long as it must be to win so many.
-            by_wins = sorted([*members, *new], key=lambda id: -winners.get(id, 0.0))
-            total = np.cumsum([winners.get(id, 0.0) for id in by_wins])
-            best = by_wins[: int(np.searchsorted(total, CHOSEN_SHARE)) + 1]
-            few = tuple(dict.fromkeys([self.item.id, *best]))
-            share = sum(winners.get(id, 0.0) for id in few)
         return self.in_class(alone, winners, few, share), few
 
 

@@ -17,15 +17,13 @@ Each stage is a function that can be called by itself; what it returns is the in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache, partial, wraps
-from typing import Any, cast
+from functools import wraps
+from typing import Any
 
 import numpy as np
 
-from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.accept import Accepted, accept
 from ecm.diagnosis.family import SURE, Posterior, drives, find_family, posterior
 from ecm.diagnosis.left_over import (
@@ -38,6 +36,7 @@ from ecm.diagnosis.left_over import (
     leftover,
     residual_after,
 )
+from ecm.diagnosis.other_bases import against_other_bases, error_after, errors_beside
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import (
     Candidate,
@@ -53,8 +52,6 @@ from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import (
     Ranked,
     delta_chi2,
-    held_out_rms,
-    kind_of,
     rank,
     richer_forms,
     search,
@@ -62,41 +59,25 @@ from ecm.diagnosis.search import (
 )
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import (
-    EQUAL,
     NoiseFinding,
-    modulus_warning,
     noise_findings,
-    ratio_warning,
     with_load_growth,
 )
 from ecm.diagnosis.verdict import Decision, Describe, is_unlikely, probability, verdict
 from ecm.effects import Effect
-from ecm.errors import InputError, ModelError
 from ecm.io.arguments import listed
-from ecm.io.arrays import F
-from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.actuated import ActuatedMap
 from ecm.models.fit import (
     as_model,
     choose_base,
-    energy_with,
-    fit_base,
-    more_degrees,
-    one_degree_less,
-    symmetric_energy,
 )
-from ecm.models.joint_fit import base_columns, unit_products
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
-from ecm.models.physics.map import PhysicsMap
-from ecm.models.polynomial import PolynomialModel
-from ecm.models.refit import FAR_BEYOND_NOISE, addition_to, is_far_behind
+from ecm.models.refit import addition_to, is_far_behind
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.f_test import independent_factor
 from ecm.regression.noise import Noise
-from ecm.regression.rows import Rows, actuators_of, inputs_of, naming_outliers
+from ecm.regression.rows import actuators_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
 
 Against = Callable[[StiffnessMap], Decision]
@@ -106,165 +87,6 @@ _RELINEARISED = 2
 """Most fits of the base beside what was found, around which the effects are looked for again: of
 bases with actuators, for what a wrong pressure does is the base's own G. Elsewhere no gain was
 measured, and a memory of a log bends with its base as far as to imitate a period."""
-_BY_ITSELF = 0.5
-"""Share of the error that another body must leave at most, by itself, to be tried."""
-_BESIDE_NAMES = 0.9
-"""The same beside all that is named: effects imitate unlike ends by no more than a part."""
-
-
-def less_symmetric_energies(decision: Decision, given: StiffnessMap) -> list[StiffnessMap]:
-    """Return the energies of bodies with less symmetry that fit far better, each by itself.
-
-    The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
-    named that imitate a part of the difference, and another origin or length may imitate all of it:
-    where these fit no better by far, both are said. An energy without symmetry takes in what other
-    causes do to a body of revolution as well: it is tried where the model that was given has none
-    either, or where the symmetric one tells less than half of most components. None are returned
-    where the base is no symmetric energy.
-    """
-    problem = decision.problem
-    if _symmetry(problem.base) != "alike":
-        return []
-    tried: list[Symmetry] = ["revolution"]
-    if _symmetry(given) == "general" or _tells_less_than_half(problem):
-        tried.append("general")
-    better: list[StiffnessMap] = []
-    # All on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
-    most = _BY_ITSELF * _error(problem, problem.fit.residual, len(problem.base.coefficients))
-    for symmetry in tried if most > _floor(problem) else ():
-        with suppress(ModelError, InputError):  # fewer rows than coefficients
-            base = energy_with(symmetry, problem.table)
-            error = _error_of(problem, base)
-            if error < most:
-                better.append(base)
-                most = _BY_ITSELF * error
-    return better
-
-
-def _symmetry(base: StiffnessMap) -> str:
-    """That of an energy; empty of any other map."""
-    whole = whole_map(base)
-    return whole.model.symmetry if isinstance(whole, EnergyMap) else ""
-
-
-def _tells_less_than_half(problem: Problem) -> bool:
-    """Whether the base leaves more than half of the spread of most components."""
-    wrench = problem.rows.wrench
-    spread = np.einsum("nij,nj->ni", problem.whitener.each, wrench - wrench.mean(axis=0))
-    shares = problem.rms(residual_after(problem, ())) / problem.rms(spread)
-    return bool(np.median(shares) > _BY_ITSELF)
-
-
-def richer_polynomial(decision: Decision) -> StiffnessMap | None:
-    """Return the polynomial of one or two degrees more that leaves least, if less than names do.
-
-    A degree is taken with all of its terms or not at all. One strong term of a higher one, which
-    was left out with many weak ones, looks like a kink; of an odd law it is two degrees higher.
-    It is tried in place of all names, and in place of each beside the others. Without a name it
-    must lower the BIC. Rows that hardly tell its terms apart, as of one slow way through six
-    coordinates, hold none: it would take in any effect, and each fit of thousands of such columns
-    takes a minute.
-    """
-    problem, base = decision.problem, whole_map(decision.problem.base)
-    if not isinstance(base, PolynomialMap):
-        return None
-    measured, effects = problem.table.measured(), decision.accepted.effects
-    beside = dict.fromkeys([(), *(without(effects, item) for item in effects)])
-    tried: list[StiffnessMap] = []
-    with suppress(ModelError, InputError):  # fewer rows than coefficients
-        for degree in (base.model.degree + 1, base.model.degree + 2):
-            richer = fit_base(measured, PolynomialModel(degree))
-            terms = richer.columns(inputs_of(richer, measured))[:, 0]  # each output has the same
-            terms = terms[:, np.abs(terms).max(axis=0) > 0.0]
-            if independent_factor(unit_products(terms)[1]) is None:
-                break
-            tried.append(richer)
-    best, least = None, _error_left(decision)
-    for richer in tried:
-        for error in _errors_beside(problem, richer, beside):
-            if error < least and (decision.answer or _lower_bic(problem, richer, error)):
-                best, least = richer, error
-    return best
-
-
-def _far_better_degree(decision: Decision, given: StiffnessMap) -> str:
-    """Return the name of the base where beside the names it leaves far less than the given one.
-
-    A model of a lower degree may be chosen while an effect hides the higher terms; with the effect
-    added it would lack these, which few rows do not show as structure. Empty for another kind of
-    map: whose symmetry or body holds is told before.
-    """
-    problem, own = decision.problem, whole_map(given)
-    base, effects = whole_map(problem.base), decision.accepted.effects
-    free = isinstance(own, PolynomialMap | EnergyMap) and type(own) is type(base)
-    if not free or (given.inputs, given.outputs) != (problem.base.inputs, problem.base.outputs):
-        return ""
-    with suppress(ModelError, InputError):  # base and effects run away from the rows
-        least = _error_of(problem, problem.base, effects)
-        if is_far_behind(_error_of(problem, given, effects), least):
-            return base.name
-    return ""
-
-
-def _lower_bic(problem: Problem, richer: StiffnessMap, error: float) -> bool:
-    """Whether a base with this error has a lower BIC than that of the problem."""
-    size, own = problem.size, len(problem.base.coefficients)
-    before = _error_after(problem, ())
-    k = len(richer.coefficients)
-    fall = size * np.log(before**2 * (size - own) / (error**2 * (size - k)))
-    return bool(fall > (k - own) * np.log(size))
-
-
-def _floor(problem: Problem) -> float:
-    """Return the error over the noise below which no form can be; 0 where no noise is known.
-
-    The noise of a stated figure may be smaller than that, as the rows show where nothing is left.
-    """
-    return 0.0 if problem.noise.is_assumed else float(np.sqrt(min(problem.scale, 1.0)))
-
-
-def _error_left(decision: Decision, weighed: Problem | None = None) -> float:
-    """Return the error after base and accepted effects, over the noise of this or another base."""
-    return _error_after(decision.problem, decision.accepted.effects, weighed)
-
-
-def _error_after(problem: Problem, effects: Candidates, weighed: Problem | None = None) -> float:
-    """Return the error after the base and these effects, over the noise of this or another base."""
-    residual = problem.whitener.back(residual_after(problem, effects))
-    return _error(weighed or problem, residual, len(problem.base.coefficients), effects)
-
-
-def _error_of(problem: Problem, base: StiffnessMap, effects: Candidates = ()) -> float:
-    """Return the error over the noise of another base, fitted together with effects.
-
-    Over the noise of the problem: what a wild base makes of the noise of the pose would hide that
-    it errs.
-    """
-    residual = problem.fit_with(effects, base).residual
-    return _error(problem, residual, len(base.coefficients), effects)
-
-
-def _errors_beside(
-    problem: Problem, base: StiffnessMap, sets: Iterable[Candidates]
-) -> Iterator[float]:
-    """Yield the error of another base beside each set of effects, as linear as the problem is.
-
-    Of thousands of columns one projection serves all sets, where a fit of each takes minutes.
-    """
-    block = problem.whitener @ base_columns(Rows(problem.table, base).quieted, base)
-    projection = Projection.of(block, np.sqrt(problem.weights))
-    for effects in sets:
-        residual = problem.whitener.back(residual_after(problem, effects, projection))
-        yield _error(problem, residual, len(base.coefficients), effects)
-
-
-def _error(problem: Problem, residual: F, coefficients: int, effects: Candidates = ()) -> float:
-    """Return the error over the noise of a residual (N, m), per degree of freedom."""
-    freedom = problem.size - coefficients - sum(item.parameters for item in effects)
-    squares = problem.squares_of(np.einsum("nij,nj->ni", problem.whitener.each, residual))
-    return float(np.sqrt(squares / freedom)) if freedom > 0 else np.inf
-
-
 _APART, _MOST_PASSES = 3, 3
 """One row in three is used where the noise has a slow part: only changes count beside it, and the
 poses of neighbours (`Rows.quiet`) hold the noise of each other, which would be most of them."""
@@ -339,24 +161,6 @@ _KNOWN = 1.5
 """What is left over the noise, in squares, below which it may all be noise."""
 _MOST = 0.5
 """Share of the slow part, on average over the components, above which it is most of the noise."""
-_OTHER_BODY_SINGLE = 1.5
-"""Structure left beside one name, in noise units, from which the body is doubted."""
-_OTHER_BODY_SEVERAL = 0.5
-"""The same beside several names, which may imitate a body, or none."""
-_TAKEN_BY_ENERGY = 0.9
-"""Share of it that a symmetric energy must explain."""
-
-_LESS_SYMMETRY = {
-    "revolution": (
-        "the ends of the body differ, or something acts along its axis: an energy that takes the "
-        "ends as alike leaves more, whatever is named; names are against one of revolution"
-    ),
-    "general": (
-        "the body is none of revolution: an energy of revolution leaves more, whatever is named; "
-        "names are against an energy without symmetry, which takes in all that follows the pose "
-        "alone"
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -409,6 +213,22 @@ def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stag
         return run
 
     return Stages(**{name: told(place, name) for place, name in enumerate(names)})
+
+
+def _far_better_degree(decision: Decision, given: StiffnessMap) -> str:
+    """Return the name of the base where beside the names it leaves far less than the given one.
+
+    A model of a lower degree may be chosen while an effect hides the higher terms; with the effect
+    added it would lack these, which few rows do not show as structure. Empty for another kind of
+    map: whose symmetry or body holds is told before.
+    """
+    problem, own = decision.problem, whole_map(given)
+    base, effects = whole_map(problem.base), decision.accepted.effects
+    free = isinstance(own, PolynomialMap | EnergyMap) and type(own) is type(base)
+    if not free or (given.inputs, given.outputs) != (problem.base.inputs, problem.base.outputs):
+        return ""
+    (error,), least = errors_beside(problem, given, [effects]), error_after(problem, effects)
+    return base.name if is_far_behind(error.rms, least.rms) else ""
 
 
 @takes_table("fit")
@@ -515,105 +335,22 @@ def find_missing(
     ()
     """
 
-    @cache
-    def begun(limits: DiagnosisSettings) -> Begun:
-        prepared = prepare(model, table, effects, limits)
-        base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
-        return begin(base, prepared, noise, limits, stages)
+    prepared = prepare(model, table, effects, settings)
+    base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
+    first = begin(base, prepared, noise, settings, stages)
 
-    def beside(
-        prepared: Prepared, limits: DiagnosisSettings, slow: SlowPart | None, base: StiffnessMap
-    ) -> Decision:
-        return go_on(begin(base, prepared, noise, limits, stages), seed, stages, slow)
+    def against(other: StiffnessMap) -> Decision:
+        return go_on(begin(other, prepared, noise, settings, stages), seed, stages)
 
-    def of_rows(limits: DiagnosisSettings, slow: SlowPart | None = None) -> Decision:
-        first = begun(limits)
-        against = partial(beside, first.prepared, limits, slow)
-        return _against_the_bases(model, go_on(first, seed, stages, slow), against, stages.describe)
+    decision = against_other_bases(model, go_on(first, seed, stages), against, stages.describe)
+    base = decision.problem.base
 
-    decision = of_rows(settings)
+    def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
+        begun = begin(base, prepare(model, table, effects, limits), noise, limits, stages)
+        return go_on(begun, seed, stages, slow)
+
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
-
-    def again(base: StiffnessMap) -> Decision:
-        return _with_family(beside(decision.prepared, settings, None, base), stages.describe)
-
-    formed = _with_equal_actuators(_with_given_form(model, decision, again), again)
-    return _of_another_degree(formed, again)
-
-
-def _of_another_degree(decision: Decision, against: Against) -> Decision:
-    """Return the decision against more degrees that hold what follows the pose, or against fewer.
-
-    Fewer where nothing is said and the base errs far on held-out rows: it may take in an effect.
-    """
-    problem, nothing = decision.problem, decision.verdict == "none"
-    of_pose = decision.unknown is not None and decision.unknown.variables == ("pose",)
-    alone = held_out_rms(problem, ()) if nothing or of_pose else 0.0
-    richer = more_degrees(problem.base, problem.table) if alone > NEAR_NOISE else None
-    if richer is not None and _lower_bic(problem, richer, *_errors_beside(problem, richer, [()])):
-        again = against(richer)
-        # Effects imitate the rest of a form that is still too plain.
-        plain = again.answer and _error_left(again) > FAR_BEYOND_NOISE
-        better = held_out_rms(again.problem, ()) < alone and not plain
-        return again if better and (of_pose or again.verdict == "none") else decision
-    # What is left where nothing is seen is noise, though a smaller one may be stated.
-    far = FAR_BEYOND_NOISE * max(1.0, _error_left(decision))
-    poorer, goes_on = problem.base, nothing and alone > far
-    while goes_on and (fewer := one_degree_less(poorer, problem.table)) is not None:
-        again = against(fewer)
-        # What follows the pose alone, or may, can be what the degree holds.
-        pose = {item.id for item in again.problem.offered if item.effect.kind == "pose"}
-        other = any(pose.isdisjoint(members) for members in again.answer)
-        if other and _held_out(again, decision) < _held_out(decision, again):
-            return again
-        # Of some degrees more than one may be too many, as of rows along one path.
-        poorer, goes_on = fewer, far < held_out_rms(again.problem, ()) < alone
-    return decision
-
-
-def _with_equal_actuators(decision: Decision, against: Against) -> Decision:
-    """Return the names against an energy of equal actuators, where these err less beside it.
-
-    An energy in which each actuator acts for itself takes in a part of what one of them does wrong,
-    and nothing of the rest but by what imitates it.
-    """
-    base = whole_map(decision.problem.base)
-    alike = not isinstance(base, ActuatedMap) or base.terms.body == "alike"
-    if alike or _held_out(decision, decision) <= NEAR_NOISE:
-        return decision
-    again = against(symmetric_energy(decision.problem.table))
-    better = _held_out(again, decision) < _BESIDE_NAMES * _held_out(decision, again)
-    return again if again.answer and better else decision
-
-
-def _held_out(decision: Decision, other: Decision) -> float:
-    """Return the held-out error of an answer, by parts of rows that suit another one as well."""
-    names = *decision.accepted.effects, *other.accepted.effects
-    return held_out_rms(decision.problem, decision.accepted.effects, kind_of(names))
-
-
-def _with_given_form(model: Model, decision: Decision, against: Against) -> Decision:
-    """Return the answer against the form of a given model, where it errs far less by itself.
-
-    An energy that does not suit the rows, as of a body of another shape or axis or of a column in
-    another unit, errs by far beside its names as well: these imitate a part of what it cannot hold.
-    So it does where nothing has a name. The form is a polynomial, or an energy of another symmetry.
-    """
-    problem, own, base = decision.problem, whole_map(model.base), whole_map(decision.problem.base)
-    said = decision.verdict != "none" and not decision.misread
-    if not said or _held_out(decision, decision) <= FAR_BEYOND_NOISE:
-        return decision
-    with suppress(ModelError, InputError):  # the rows do not hold its coefficients
-        if isinstance(own, PolynomialMap) and not isinstance(base, PolynomialMap):
-            form = fit_base(problem.table.measured(), PolynomialModel(own.model.degree))
-        elif isinstance(own, EnergyMap) and own.model.symmetry != _symmetry(base):
-            form = energy_with(cast(Symmetry, own.model.symmetry), problem.table)
-        else:
-            return decision
-        again = against(form)
-        if is_far_behind(_held_out(decision, again), _held_out(again, decision)):
-            return again
     return decision
 
 
@@ -674,68 +411,6 @@ def _without_outweighed(decision: Decision) -> tuple[Decision, Posterior] | None
             rest = leftover(problem, decision.gate, others)
             return replace(decision, accepted=kept, left=rest), chances
     return None
-
-
-def _against_the_bases(
-    model: Model, decision: Decision, against: Against, describe: Describe
-) -> Decision:
-    """Return the answer against the base that fits best, of those that may."""
-    if decision.verdict != "none":
-        said, first = decision.statement, decision.problem
-        most = EQUAL**0.5 * said.error_after if said else _BESIDE_NAMES * _error_left(decision)
-        energies = less_symmetric_energies(decision, model.base)
-        for other in energies:
-            again = against(other)
-            # As the error of another reading of the table: over the noise of its own base.
-            left = _error_left(again, None if said else first)
-            if left < most:
-                or_else = (f"or {said.sentence()}",) if said else ()
-                decision = replace(again, warnings=(_less_symmetry(other, model), *or_else))
-                most = _BESIDE_NAMES * left
-        if "general" not in map(_symmetry, energies):
-            decision = _without_symmetry(model, decision, against)
-        richer = richer_polynomial(decision)
-        if richer is not None:
-            again, weighed = against(richer), partial(_error_left, weighed=decision.problem)
-            # Of nearly as many coefficients as readings: it leaves much, and more where no row was.
-            unseen = _held_out(again, decision), _held_out(decision, again)
-            is_wild = weighed(again) > FAR_BEYOND_NOISE and is_far_behind(*unseen)
-            # Without a name it must leave nothing: beside it other effects imitate the rest.
-            if (decision.answer or again.verdict == "none") and not is_wild:
-                decision = min(decision, again, key=weighed)
-    if decision.statement is not None or not may_be_another_body(decision):
-        return decision
-    energy = against(symmetric_energy(decision.prepared.unexplained))
-    return against_energy(decision, energy, describe)
-
-
-def _less_symmetry(base: StiffnessMap, model: Model) -> str:
-    """What a base says of the body, and which one to fit where that was not given."""
-    words = _LESS_SYMMETRY[_symmetry(base)]
-    return words if model.base.name == base.name else f"{words}; fit {base.name}"
-
-
-def _without_symmetry(model: Model, decision: Decision, against: Against) -> Decision:
-    """Return the answer against an energy without symmetry, where one with it leaves far more.
-
-    By itself it need not fit better: of many coefficients, those rows lead astray that an effect
-    spoils. Where it leaves something without a name that is no more than known before.
-    """
-    left = _error_left(decision)
-    symmetric = _symmetry(decision.problem.base) in ("alike", "revolution")
-    told = decision.verdict != "unknown" and left <= FAR_BEYOND_NOISE
-    least = _BY_ITSELF * left <= _floor(decision.problem)
-    if told or least or not symmetric or decision.statement is not None:
-        return decision
-    with suppress(ModelError, InputError):  # fewer rows than coefficients
-        general = energy_with("general", decision.problem.table)
-        again = against(general)
-        said = again.answer or again.verdict == "none"
-        # Of many coefficients it takes in rows that it does not foretell.
-        foretold = _held_out(again, decision) < _BESIDE_NAMES * _held_out(decision, again)
-        if said and foretold and _error_left(again, decision.problem) < _BY_ITSELF * left:
-            return replace(again, warnings=(_less_symmetry(general, model),))
-    return decision
 
 
 @dataclass(frozen=True)
@@ -839,43 +514,3 @@ def _alike(problem: Problem, chosen: Candidates) -> tuple[Candidate, ...]:
         gains = [delta_chi2(problem, (*found, shape)) for shape in shapes]
         found += tuple(shapes[int(np.argmax(gains))] for _ in shapes[:1])
     return found
-
-
-def may_be_another_body(decision: Decision) -> bool:
-    """Whether the physics of the stated body leaves so much that it may be another body.
-
-    Such structure hides everything else, and effects that can imitate a part of it would be named
-    for all of it.
-    """
-    problem, table = decision.problem, decision.prepared.unexplained
-    known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
-    if not isinstance(problem.base, PhysicsMap) or not known:
-        return False
-    if modulus_warning(problem) or ratio_warning(problem):
-        return False
-    single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
-    least = _OTHER_BODY_SINGLE if single else _OTHER_BODY_SEVERAL
-    return decision.left.strength(problem) >= least
-
-
-def against_energy(physics: Decision, energy: Decision, describe: Describe) -> Decision:
-    """Choose between the verdicts against the stated body and the symmetric energy model.
-
-    What the physics leaves and the energy explains is elasticity or geometry that keeps the
-    symmetry (`ecm.comparison.reference_models`): then the stated body is not the measured one.
-    """
-    problem = physics.problem
-    taken = 1.0 - energy.left.beyond_chance / physics.left.beyond_chance
-    if taken < _TAKEN_BY_ENERGY:
-        return physics
-    words = (
-        f"the stated body is not the one that was measured: with E and nu free it leaves "
-        f"{physics.left.strength(problem):.2g} times the noise, of which a symmetric energy model "
-        f"takes {taken:.0%}: elasticity or geometry that keeps the symmetry"
-    )
-    advice = "names are against the energy model; fit energy6, or mend [mechanism]"
-    energy = replace(energy, warnings=(f"{words}; {advice}",))
-    if energy.verdict != "none":
-        return energy
-    everything = describe(problem, (), physics.gate.structure)
-    return replace(energy, unknown=replace(everything, words=words))

@@ -313,17 +313,17 @@ def polynomial(table: Table, also: int = 0) -> StiffnessMap:
     return _by_degree(table, [PolynomialModel(degree) for degree in degrees])
 
 
-def one_degree_less(base: StiffnessMap, table: Table) -> StiffnessMap | None:
-    """The energy or polynomial of a degree below that of a base; None where there is none.
+def fewer_degrees(base: StiffnessMap, table: Table, by: int) -> StiffnessMap | None:
+    """The energy or polynomial of so many degrees below a base; None where there is none.
 
     A degree is chosen beside no effect: of few rows a higher one takes in what an effect does, and
     errs by far where no row was.
     """
     whole = whole_map(base)
-    if isinstance(whole, EnergyMap) and whole.terms.degree > _ENERGY[0]:
-        return _by_degree(table, [EnergyModel(whole.terms.degree - 1, whole.terms.symmetry)])
-    if isinstance(whole, PolynomialMap) and whole.model.degree > _POLYNOMIAL[0]:
-        return _by_degree(table, [PolynomialModel(whole.model.degree - 1)])
+    if isinstance(whole, EnergyMap) and whole.terms.degree - by >= _ENERGY[0]:
+        return _by_degree(table, [EnergyModel(whole.terms.degree - by, whole.terms.symmetry)])
+    if isinstance(whole, PolynomialMap) and whole.model.degree - by >= _POLYNOMIAL[0]:
+        return _by_degree(table, [PolynomialModel(whole.model.degree - by)])
     return None
 
 
