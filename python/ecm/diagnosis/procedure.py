@@ -322,8 +322,7 @@ def find_missing(
     """Go through the stages up to the verdict, without the parts of the report.
 
     Parameters are those of `diagnose`. The stages are gone through against the base of the model,
-    against others that may fit the body better, in slow noise where a log shows it, and against
-    more degrees of the base or fewer.
+    against others that may fit the body better, and in slow noise where a log shows it.
 
     Examples
     --------
@@ -334,7 +333,6 @@ def find_missing(
     >>> find_missing(ecm.fit_model(table, "linear"), table, effects=[]).answer
     ()
     """
-
     prepared = prepare(model, table, effects, settings)
     base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
     first = begin(base, prepared, noise, settings, stages)
@@ -347,7 +345,7 @@ def find_missing(
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
         begun = begin(base, prepare(model, table, effects, limits), noise, limits, stages)
-        return go_on(begun, seed, stages, slow)
+        return replace(go_on(begun, seed, stages, slow), warnings=decision.warnings)
 
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
