@@ -49,7 +49,7 @@ Against = Callable[[StiffnessMap], Decision]
 
 BETTER = 0.3
 """Share of what is left beyond the noise at which another base is better than the one before."""
-_ROUNDING = 1e-9
+_ROUNDING, _MOST_FEWER = 1e-9, 9
 _LESS_SYMMETRY = {
     "revolution": (
         "the ends of the body differ, or something acts along its axis: an energy that takes the "
@@ -75,6 +75,7 @@ def against_other_bases(
         if pair.may_be_better(first):
             again = against(base)
             decision = again if pair.is_better(again) else decision
+    decision = _of_fewer_degrees(decision, against)
     if decision is first:
         return first
     words = _words(model, first, decision)
@@ -86,24 +87,21 @@ def against_other_bases(
 
 
 def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
-    """Return bases of less symmetry, other degrees, or the form that was given.
+    """Return bases of less symmetry, more degrees, or the form that was given.
 
-    In the order of their coefficients; those of fewer degrees come last, the highest first.
+    In the order of their coefficients.
     """
     problem, table = first.problem, first.problem.table
     base = whole_map(problem.base)
     left, noise = error_of(first).rms, Error.of(problem, 0.0, 0).rms
-    # What is left where nothing is seen is noise, though a smaller one may be stated.
-    far = FAR_BEYOND_NOISE * max(1.0, left)
     makers: list[Callable[[], StiffnessMap | None]] = []
     if isinstance(base, ActuatedMap):
         makers += [partial(symmetric_energy, table)] if base.terms.body != "alike" else []
     elif first.verdict == "none":
-        if held_out_rms(problem, ()) > far:
-            makers += [partial(fewer_degrees, problem.base, table, by) for by in range(1, 10)]
+        return []
     elif isinstance(base, PolynomialMap):
         makers += [partial(_polynomial, table, base.model.degree + more) for more in (1, 2)]
-        if left > NEAR_NOISE * noise and len(base.inputs) < len(POSE):
+        if left > FAR_BEYOND_NOISE * noise and len(base.inputs) < len(POSE):
             makers.append(partial(more_degrees, problem.base, table))
     elif left > NEAR_NOISE * noise:
         makers += _other_forms(whole_map(model.base), first)
@@ -113,11 +111,31 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
             if (other := make()) is not None and other.name != problem.base.name:
                 found.setdefault(other.name, other)
 
-    def order(other: StiffnessMap) -> tuple[bool, int]:
-        lower = _is_lower(other, problem.base)
-        return lower, len(other.coefficients) * (-1 if lower else 1)
+    return sorted(found.values(), key=lambda other: len(other.coefficients))
 
-    return sorted(found.values(), key=order)
+
+def _of_fewer_degrees(decision: Decision, against: Against) -> Decision:
+    """Return the names against fewer degrees where nothing is named and the base errs by far.
+
+    It may take in an effect, and errs where no row was.
+    """
+    problem = decision.problem
+    alone = held_out_rms(problem, ()) if decision.verdict == "none" else 0.0
+    # What is left where nothing is seen is noise, though a smaller one may be stated.
+    most = _MOST_FEWER if alone > FAR_BEYOND_NOISE * max(1.0, error_of(decision).rms) else 0
+    for by in range(1, most + 1):
+        base = fewer_degrees(problem.base, problem.table, by)
+        if base is None:
+            break
+        again = against(base)
+        # What follows the pose alone, or may, can be what the degree holds.
+        pose = {item.id for item in again.problem.offered if item.effect.kind == "pose"}
+        other = any(pose.isdisjoint(members) for members in again.answer)
+        effects = again.accepted.effects
+        before = held_out_rms(problem, (), kind_of(effects))
+        if other and held_out_rms(again.problem, effects) < before:
+            return again
+    return decision
 
 
 def _other_forms(own: StiffnessMap, first: Decision) -> list[Callable[[], StiffnessMap | None]]:
@@ -133,13 +151,6 @@ def _other_forms(own: StiffnessMap, first: Decision) -> list[Callable[[], Stiffn
     if _may_be_another_body(first):
         makers.append(partial(symmetric_energy, first.prepared.unexplained))
     return makers
-
-
-def _is_lower(base: StiffnessMap, first: StiffnessMap) -> bool:
-    """Whether a base is another one with fewer degrees."""
-    alike = type(whole_map(base)) is type(whole_map(first))
-    fewer = len(base.coefficients) < len(first.coefficients)
-    return alike and fewer and symmetry_of(base) == symmetry_of(first)
 
 
 def _may_be_another_body(first: Decision) -> bool:
@@ -270,8 +281,6 @@ class _Pair:
         more than a part; more terms of a polynomial stand in the place of a name.
         """
         problem, names = self.problem, first.accepted.effects
-        if _is_lower(self.base, problem.base):
-            return self.found.verdict == "none"
         if self.of(Error.of(problem, 0.0, len(self.base.coefficients))) >= self.most:
             return False
         if isinstance(problem.base, PhysicsMap):
@@ -286,20 +295,12 @@ class _Pair:
         return (alone < before and not self.of_form) or min([alone, *beside]) < self.most
 
     def is_better(self, again: Decision) -> bool:
-        """Whether its answer is better, by its error and by that on rows that were held out.
-
-        Where nothing is named, the first base may take in an effect, and errs by far where no row
-        was; a name of what follows the pose can be what its degree holds.
-        """
+        """Whether its answer is better, by its error and by that on rows that were held out."""
         names, own = again.accepted.effects, self.found.accepted.effects
         kind = kind_of((*names, *own))
         unseen, before = (
             held_out_rms(one.problem, one.accepted.effects, kind) for one in (again, self.found)
         )
-        if _is_lower(self.base, self.problem.base):
-            pose = {item.id for item in again.problem.offered if item.effect.kind == "pose"}
-            other = any(pose.isdisjoint(members) for members in again.answer)
-            return other and is_far_behind(before, unseen)
         if self.error(again) >= self.most or (self.of_form and len(names) > len(own)):
             return False
         if symmetry_of(self.base) == "general":
