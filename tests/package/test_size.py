@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_470, 202),
+    "python/ecm": (44_450, 202),
     "benches": (5_914, 51),
     "examples": (1_516, 13),
-    "tests": (36_304, 239),
+    "tests": (36_270, 239),
     "crates": (34_570, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
