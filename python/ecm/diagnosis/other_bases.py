@@ -93,7 +93,7 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
     """
     problem, table = first.problem, first.problem.table
     base = whole_map(problem.base)
-    left, noise = error_of(first).rms, Error.of(problem, 0.0, 0).rms
+    left, noise = error_of(first).rms, _noise(problem)
     makers: list[Callable[[], StiffnessMap | None]] = []
     if isinstance(base, ActuatedMap):
         makers += [partial(symmetric_energy, table)] if base.terms.body != "alike" else []
@@ -110,7 +110,6 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
         with suppress(ModelError, InputError):  # the rows do not hold its coefficients
             if (other := make()) is not None and other.name != problem.base.name:
                 found.setdefault(other.name, other)
-
     return sorted(found.values(), key=lambda other: len(other.coefficients))
 
 
@@ -175,28 +174,28 @@ def _polynomial(table: Table, degree: int) -> StiffnessMap | None:
     return None if independent_factor(unit_products(terms)[1]) is None else found
 
 
+def _noise(problem: Problem) -> float:
+    """The noise: that of a stated figure may be smaller, as the rows show where nothing is left."""
+    return float(np.sqrt(problem.scale if problem.noise.is_assumed else min(problem.scale, 1.0)))
+
+
 @dataclass(frozen=True)
 class Error:
     """Error of an answer over the noise, where n readings have k free parameters."""
 
     rms: float
-    """Root of the squares over n - k, and no less than the noise."""
+    """Root of the squares over n - k."""
     beyond: float
     """Squares beyond the noise by generalised cross-validation (Craven and Wahba 1979): those of
-    rms times n / (n - k)."""
+    rms, no less than the noise, times n / (n - k)."""
 
     @classmethod
     def of(cls, problem: Problem, rms: float, k: int) -> Error:
-        """Return the error of so many parameters.
-
-        The noise of a stated figure may be smaller, as the rows show where nothing is left.
-        """
-        n, known = problem.size, not problem.noise.is_assumed
+        """Return the error of so many parameters."""
+        n, noise = problem.size, _noise(problem)
         if n <= k:
             return cls(np.inf, np.inf)
-        noise = min(problem.scale, 1.0) if known else problem.scale
-        rms = max(rms, float(np.sqrt(noise)))
-        return cls(rms, rms**2 * n / (n - k) - noise)
+        return cls(rms, max(rms, noise) ** 2 * n / (n - k) - noise**2)
 
     @classmethod
     def left(cls, problem: Problem, residual: F, base: StiffnessMap, effects: Candidates) -> Error:
