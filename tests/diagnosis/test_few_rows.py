@@ -377,7 +377,7 @@ def test_no_other_form_is_asked_to_err_less_than_the_noise(
 
     monkeypatch.setattr(other_bases, "energy_with", energy_with)
     found = find_missing(linear(table), table)
-    assert (found.verdict != "none") is asked
+    assert found.verdict in (("family", "unknown") if asked else ("none",))
     assert bool(tried) is asked
 
 

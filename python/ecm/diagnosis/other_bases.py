@@ -27,13 +27,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
-from ecm.models.fit import (
-    energy_with,
-    fewer_degrees,
-    fit_base,
-    more_degrees,
-    symmetric_energy,
-)
+from ecm.models.fit import energy_with, fewer_degrees, fit_base, more_degrees, symmetric_energy
 from ecm.models.joint_fit import base_columns, unit_products
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
@@ -49,7 +43,7 @@ Against = Callable[[StiffnessMap], Decision]
 
 BETTER = 0.3
 """Share of what is left beyond the noise at which another base is better than the one before."""
-_ROUNDING, _MOST_FEWER = 1e-9, 9
+_ROUNDING = 1e-9
 _LESS_SYMMETRY = {
     "revolution": (
         "the ends of the body differ, or something acts along its axis: an energy that takes the "
@@ -71,8 +65,8 @@ def against_other_bases(
     if first.misread and said is None:
         return first
     for base in bases_to_try(model, first):
-        pair = _Pair(first.problem, base, decision)
-        if pair.may_be_better(first):
+        pair = _Pair(first, base, decision)
+        if pair.may_be_better():
             again = against(base)
             decision = again if pair.is_better(again) else decision
     decision = _of_fewer_degrees(decision, against)
@@ -119,13 +113,14 @@ def _of_fewer_degrees(decision: Decision, against: Against) -> Decision:
     It may take in an effect, and errs where no row was.
     """
     problem = decision.problem
-    alone = held_out_rms(problem, ()) if decision.verdict == "none" else 0.0
+    if decision.verdict != "none":
+        return decision
     # What is left where nothing is seen is noise, though a smaller one may be stated.
-    most = _MOST_FEWER if alone > FAR_BEYOND_NOISE * max(1.0, error_of(decision).rms) else 0
-    for by in range(1, most + 1):
-        base = fewer_degrees(problem.base, problem.table, by)
-        if base is None:
-            break
+    if held_out_rms(problem, ()) <= FAR_BEYOND_NOISE * max(1.0, error_of(decision).rms):
+        return decision
+    by = 1
+    while (base := fewer_degrees(problem.base, problem.table, by)) is not None:
+        by += 1
         again = against(base)
         # What follows the pose alone, or may, can be what the degree holds.
         pose = {item.id for item in again.problem.offered if item.effect.kind == "pose"}
@@ -234,10 +229,15 @@ def errors_beside(problem: Problem, base: StiffnessMap, sets: Iterable[Candidate
 class _Pair:
     """Another base beside what was found."""
 
-    problem: Problem
-    """That of the first base: errors are over its noise."""
+    first: Decision
+    """The answer against the first base: errors are over its noise."""
     base: StiffnessMap
     found: Decision
+
+    @property
+    def problem(self) -> Problem:
+        """That of the first base."""
+        return self.first.problem
 
     @cached_property
     def more(self) -> int:
@@ -272,14 +272,14 @@ class _Pair:
         """Return what counts of an error."""
         return error.rms if self.of_form else error.beyond
 
-    def may_be_better(self, first: Decision) -> bool:
+    def may_be_better(self) -> bool:
         """Whether it may be better, by a fit without the stages.
 
         It leaves no less than the noise. A richer one must err less than the first by itself, or
         less than what was found: by itself or beside the names, which imitate unlike ends by no
         more than a part; more terms of a polynomial stand in the place of a name.
         """
-        problem, names = self.problem, first.accepted.effects
+        problem, names = self.problem, self.first.accepted.effects
         if self.of(Error.of(problem, 0.0, len(self.base.coefficients))) >= self.most:
             return False
         if isinstance(problem.base, PhysicsMap):
@@ -296,12 +296,12 @@ class _Pair:
     def is_better(self, again: Decision) -> bool:
         """Whether its answer is better, by its error and by that on rows that were held out."""
         names, own = again.accepted.effects, self.found.accepted.effects
+        if self.error(again) >= self.most or (self.of_form and len(names) > len(own)):
+            return False
         kind = kind_of((*names, *own))
         unseen, before = (
             held_out_rms(one.problem, one.accepted.effects, kind) for one in (again, self.found)
         )
-        if self.error(again) >= self.most or (self.of_form and len(names) > len(own)):
-            return False
         if symmetry_of(self.base) == "general":
             # It takes in all that follows the pose: it must foretell rows as well.
             return unseen < before

@@ -49,28 +49,14 @@ from ecm.diagnosis.problem import (
     noise_by_rest,
 )
 from ecm.diagnosis.result import Diagnosis, report
-from ecm.diagnosis.search import (
-    Ranked,
-    delta_chi2,
-    rank,
-    richer_forms,
-    search,
-    without,
-)
+from ecm.diagnosis.search import Ranked, delta_chi2, rank, richer_forms, search, without
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.diagnosis.statements import (
-    NoiseFinding,
-    noise_findings,
-    with_load_growth,
-)
+from ecm.diagnosis.statements import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.verdict import Decision, Describe, is_unlikely, probability, verdict
 from ecm.effects import Effect
 from ecm.io.arguments import listed
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.fit import (
-    as_model,
-    choose_base,
-)
+from ecm.models.fit import as_model, choose_base
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -79,9 +65,6 @@ from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
-
-Against = Callable[[StiffnessMap], Decision]
-"""Goes through the stages with the same rows against another base."""
 
 _RELINEARISED = 2
 """Most fits of the base beside what was found, around which the effects are looked for again: of
