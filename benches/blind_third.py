@@ -27,6 +27,7 @@ from blind_parts.command import (
 )
 from blind_parts.third import (
     HIDDEN,
+    OUTCOMES,
     ThirdSet,
     given_model,
     outcome,
@@ -34,11 +35,6 @@ from blind_parts.third import (
     third_sets,
     third_table,
 )
-
-_OUTCOMES = (
-    "right", "family", "other family", "unknown", "none", "ambiguous", "wrong class", "wrong name",
-    "alarm", "refused",
-)  # fmt: skip
 
 
 def answer_of(case: ThirdSet, folder: Path) -> dict[str, Any]:
@@ -63,7 +59,7 @@ def table_text(results: list[dict[str, Any]]) -> str:
     groups = {name or "nothing": of("name", name) for name in ("", *HIDDEN)}
     protocols = sorted({r["set"]["protocol"] for r in results})
     groups |= {f"*{protocol}*": of("protocol", protocol) for protocol in protocols}
-    lines = outcome_lines({**groups, "all": results}, _OUTCOMES)
+    lines = outcome_lines({**groups, "all": results}, OUTCOMES)
     return "\n".join([*lines, *not_right_lines(results, words)]) + "\n"
 
 

@@ -299,12 +299,23 @@ def _set(index: int, seed: int) -> ThirdSet:
 def third_table(case: ThirdSet, folder: Path) -> Table:
     """The table that its user has."""
     random = np.random.default_rng([case.seed, case.index, 4])
-    made, ids = _rows(case, random, folder)
-    h = made.wrenches
-    sd = _NOISE * np.repeat([np.sqrt((h[:, k : k + 3] ** 2).mean()) for k in (0, 3)], 3)
+    poses, _ = solved(case.body, folder)
+    made, ids = rows_of(case, random, folder, np.arange(len(poses)))
+    sd, h = noise_of(made), made.wrenches
     if case.name:
-        h = h + _sized(HIDDEN[case.name].law(made), case, made, sd)
-    h = h + sd * random.standard_normal(h.shape)
+        law = HIDDEN[case.name].law(made)
+        h = h + law * factor(law, case, made, sd)
+    return measured(case, made, ids, h + sd * random.standard_normal(h.shape), sd)
+
+
+def noise_of(made: Made) -> F:
+    """(6,) standard deviation of each reading."""
+    h = made.wrenches
+    return _NOISE * np.repeat([np.sqrt((h[:, k : k + 3] ** 2).mean()) for k in (0, 3)], 3)
+
+
+def measured(case: ThirdSet, made: Made, ids: F, h: F, sd: F) -> Table:
+    """The table of readings (N, 6) with this noise."""
     outputs = WRENCH[:3] if case.protocol == "forces only" else WRENCH
     columns: dict[str, Any] = dict(zip(POSE, made.poses.T, strict=True))
     columns |= {name: h[:, WRENCH.index(name)] for name in outputs}
@@ -321,11 +332,14 @@ def third_table(case: ThirdSet, folder: Path) -> Table:
     return as_table(columns, meta=meta)
 
 
-def _rows(case: ThirdSet, random: np.random.Generator, folder: Path) -> tuple[Made, F]:
+def rows_of(
+    case: ThirdSet, random: np.random.Generator, folder: Path, places: NDArray[np.int64]
+) -> tuple[Made, F]:
+    """The rows of one campaign at some of the poses that were solved, and the id of each pose."""
     poses, wrenches = solved(case.body, folder)
     n = case.rows
     again = n // 5 if case.protocol == "campaign" else 0
-    chosen = random.choice(len(poses), n - again, replace=False)
+    chosen = random.choice(places, n - again, replace=False)
     if case.protocol == "by hand":  # by hand a pose is near the one before
         left, order = list(chosen[1:]), [chosen[0]]
         while left:
@@ -344,8 +358,8 @@ def _rows(case: ThirdSet, random: np.random.Generator, folder: Path) -> tuple[Ma
     return made, ids.astype(float)
 
 
-def _sized(wrench: F, case: ThirdSet, made: Made, sd: F) -> F:
-    """The wrench of a law at the strength of the set, beside what the base can take in."""
+def factor(wrench: F, case: ThirdSet, made: Made, sd: F) -> float:
+    """What brings the wrench of a law to the strength of the set, beside what the base takes in."""
     axes = slice(0, 3 if case.protocol == "forces only" else 6)
     columns = dict(zip(POSE, made.poses.T, strict=True))
     columns |= dict(zip(WRENCH, made.wrenches.T, strict=True))
@@ -355,12 +369,18 @@ def _sized(wrench: F, case: ThirdSet, made: Made, sd: F) -> F:
     columns_of_base = np.asarray(base.columns(made.poses))[:, axes]
     seen = (columns_of_base**2).sum(axis=(0, 1)) > 0.0  # a pure turn does no work at the forces
     scale = Strength(covariance, columns_of_base[:, :, seen])
-    return wrench * (case.strength / max(scale(wrench[:, axes]), 1e-12))
+    return case.strength / max(scale(wrench[:, axes]), 1e-12)
 
 
 def given_model(table: Table) -> Model:
     """The model of a user who knows the length alone."""
     return fit_model(table, "linear", force=True)
+
+
+OUTCOMES = (
+    "right", "family", "other family", "unknown", "none", "ambiguous", "wrong class", "wrong name",
+    "alarm", "refused",
+)  # fmt: skip
 
 
 def outcome(case: ThirdSet, verdict: str, answer: list[list[str]], driver: str) -> str:

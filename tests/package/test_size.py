@@ -9,15 +9,14 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_434, 202),
-    "benches": (5_914, 51),
+    "python/ecm": (44_584, 204),
+    "benches": (6_085, 53),
     "examples": (1_516, 13),
-    "tests": (36_270, 239),
+    "tests": (36_342, 240),
     "crates": (34_570, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a mass
-that moves, ageing and a set in few columns (35 lines), a model that is fitted anew and the error of
-a zero (10 each), positions that count from rest and the noise of a choice (10), and tests."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a model
+as it was fitted to other rows is a base of a diagnosis (150 lines), and has a benchmark (170)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -33,6 +33,7 @@ from ecm.io.events import fields_json
 from ecm.io.table import Table
 from ecm.models.errors import held_out
 from ecm.models.joint_fit import JointFit, base_columns
+from ecm.models.known import KnownMap
 from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
@@ -184,7 +185,10 @@ class GivenModel:
     base_errors: Errors
     """Errors of that base without effects; over the noise on held-out rows."""
     is_base: bool
-    """Whether the base is the model itself, with E and nu fitted to these rows."""
+    """Whether the base is the model itself: as it was fitted to other rows, or with E and nu fitted
+    to these."""
+    as_fitted: bool | None = field(metadata={"optional": True})
+    """True where it is the first of these."""
     scale: float | None = field(metadata={"optional": True})
     """The wrench of these data over that of the model, where one factor explains the misfit."""
     statement: WrongStatement | None = field(default=None, metadata={"optional": True})
@@ -221,7 +225,9 @@ class GivenModel:
             text = f"{self.name} fits these data: it errs {self.as_given}"
             if (self.as_given.over_noise or 0.0) > NEAR_NOISE:
                 text += ", as chance and the coefficients of few rows do"
-        if not self.is_base:
+        if self.as_fitted:
+            text += "; names are against it as it was fitted to other rows"
+        elif not self.is_base:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
             text += f"; names are against {other}, which errs {self.base_errors.on_held_out_rows()}"
@@ -324,7 +330,8 @@ class _Judged:
             with_effects=effects,
             base=self.problem.base.name,
             base_errors=self.base,
-            is_base=self.is_base,
+            is_base=self.is_base or self.is_known,
+            as_fitted=self.is_known or None,
             scale=self.factor(answer, again),
             statement=statement,
             neighbours_alike=result.neighbours_alike,
@@ -364,7 +371,9 @@ class _Judged:
     @property
     def has_other_numbers(self) -> bool:
         """Whether the same form fits with other coefficients."""
-        return (self.fits_again and self.falls_again) or self.reason == "rows"
+        return not self.is_known and (
+            (self.fits_again and self.falls_again) or self.reason == "rows"
+        )
 
     @property
     def without_structure(self) -> Answer:
@@ -425,6 +434,11 @@ class _Judged:
     def is_base(self) -> bool:
         """Whether the base is the model itself, with E and nu fitted to these rows."""
         return all(isinstance(one.base, PhysicsMap) for one in (self.model, self.problem))
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the base is the model as it was fitted to other rows."""
+        return isinstance(self.problem.base, KnownMap)
 
     @property
     def is_alike(self) -> bool:

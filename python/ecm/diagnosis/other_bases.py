@@ -18,8 +18,9 @@ import numpy as np
 
 from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.left_over import residual_after
+from ecm.diagnosis.preparation import OtherSpecimen
 from ecm.diagnosis.problem import Candidates, Problem, Projection
-from ecm.diagnosis.search import held_out_rms, kind_of, without
+from ecm.diagnosis.search import delta_chi2, held_out_rms, kind_of, without
 from ecm.diagnosis.statements import modulus_warning, ratio_warning
 from ecm.diagnosis.verdict import Decision, Describe
 from ecm.errors import InputError, ModelError
@@ -29,6 +30,7 @@ from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.fit import energy_with, fewer_degrees, fit_base, more_degrees, symmetric_energy
 from ecm.models.joint_fit import base_columns, unit_products
+from ecm.models.known import KnownMap
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -57,21 +59,56 @@ _LESS_SYMMETRY = {
 }
 
 
+def of_same_specimen(known: Decision) -> Decision | None:
+    """Return an answer against a model as it was fitted; None where the body is another one.
+
+    Where the noise is assumed, nothing tells how well the model fitted its own rows.
+    """
+    said = {id for members in known.answer for id in members}
+    if known.unknown is not None and known.unknown.nearest is not None:
+        said.add(known.unknown.nearest.id)
+    if known.problem.noise.is_assumed or OtherSpecimen.id in said:
+        return None
+    ranking = tuple(item for item in known.ranking if item.id != OtherSpecimen.id)
+    return replace(known, problem=known.problem.without_effect(OtherSpecimen.id), ranking=ranking)
+
+
+def is_explained(decision: Decision) -> bool:
+    """Whether the model as it was fitted to other rows leaves here what it left there."""
+    return error_of(decision).rms <= NEAR_NOISE * _noise(decision.problem)
+
+
 def against_other_bases(
-    model: Model, first: Decision, against: Against, describe: Describe
+    model: Model, first: Decision, known: Decision | None, against: Against, describe: Describe
 ) -> Decision:
-    """Return the answer against the base that is best with its names, of those that may be."""
+    """Return the answer against the base that is best with its names, of those that may be.
+
+    Parameters
+    ----------
+    model
+        The model that was given.
+    first
+        The answer against the base that is fitted to these rows first.
+    known
+        That against the base of the model as it was fitted to other rows; None without one.
+    against
+        Goes through the stages against another base.
+    describe
+        The stage that describes what is left.
+    """
     said, decision = first.statement, first
     if first.misread and said is None:
         return first
+    if known is not None and error_of(known).beyond <= error_of(first).beyond:
+        decision = known
     for base in bases_to_try(model, first):
         pair = _Pair(first, base, decision)
         if pair.may_be_better():
             again = against(base)
             decision = again if pair.is_better(again) else decision
     decision = _of_fewer_degrees(decision, against)
-    if decision is first:
-        return first
+    if decision is first or decision is known:
+        return decision
     words = _words(model, first, decision)
     decision = replace(decision, warnings=(*words, *([f"or {said.sentence()}"] if said else [])))
     if decision.verdict == "none" and isinstance(first.problem.base, PhysicsMap):
@@ -171,7 +208,8 @@ def _polynomial(table: Table, degree: int) -> StiffnessMap | None:
 
 def _noise(problem: Problem) -> float:
     """The noise: that of a stated figure may be smaller, as the rows show where nothing is left."""
-    return float(np.sqrt(problem.scale if problem.noise.is_assumed else min(problem.scale, 1.0)))
+    most = problem.base.left**2 if isinstance(problem.base, KnownMap) else 1.0
+    return float(np.sqrt(problem.scale if problem.noise.is_assumed else min(problem.scale, most)))
 
 
 @dataclass(frozen=True)
@@ -202,6 +240,10 @@ class Error:
 
 def error_after(problem: Problem, effects: Candidates, weighed: Problem | None = None) -> Error:
     """Return the error after the base and effects, over the noise of this or another base."""
+    if isinstance(problem.base, KnownMap):
+        k = sum(item.parameters for item in effects)
+        squares = problem.squares_beside_base - delta_chi2(problem, effects) * problem.scale
+        return Error.of(problem, float(np.sqrt(squares / max(problem.size - k, 1))), k)
     residual = problem.whitener.back(residual_after(problem, effects))
     return Error.left(weighed or problem, residual, problem.base, effects)
 

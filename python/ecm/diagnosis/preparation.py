@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
-from ecm.effects.protocol import LinearEffect, Shape, correction_of
+from ecm.effects.protocol import LinearEffect, Parameter, Shape, correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.conventions import WrongConvention
@@ -66,6 +66,20 @@ class OtherValues(LinearEffect):
         return self.of.effect.jacobian(rows, self.of.values)
 
 
+class OtherSpecimen(LinearEffect):
+    """All loads times one number: the body is another one, and no effect of what was fitted."""
+
+    id = "another_specimen"
+    physics = "Another specimen, stiffer or softer as a whole."
+    parameters = (Parameter("share", "1", 0.1),)
+    requires = ()
+    of_six = False
+
+    def columns(self, rows: Rows) -> F:
+        """(N, m, 1): the wrench."""
+        return rows.wrench[:, :, None]
+
+
 @dataclass(frozen=True)
 class Prepared:
     """Rows and effects of one diagnosis."""
@@ -88,6 +102,10 @@ class Prepared:
     """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
     misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
+
+    def with_other_specimen(self) -> Prepared:
+        """The same with another specimen among the effects: of the same one it is not named."""
+        return replace(self, effects=(*self.effects, OtherSpecimen()))
 
     def told_by_check(self, rows: Sequence[int]) -> list[int]:
         """Numbers in the file of those of these rows that `ecm check` lists as no measurement."""

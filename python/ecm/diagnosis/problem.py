@@ -27,7 +27,7 @@ from ecm.effects.protocol import (
     jacobian_of,
 )
 from ecm.errors import ModelError
-from ecm.io.arrays import B, F, I, lstsq, svd
+from ecm.io.arrays import B, F, I, lstsq
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models.joint_fit import (
@@ -39,6 +39,8 @@ from ecm.models.joint_fit import (
     further_columns,
     joint_fit,
 )
+from ecm.models.known import KnownMap
+from ecm.models.left_out import LeftOut
 from ecm.models.maps import StiffnessMap
 from ecm.models.shapes import SOME_ROUNDS, refined
 from ecm.regression.f_test import (
@@ -75,8 +77,6 @@ most of them, and as much of what their form errs."""
 _ROUNDING = 1e-9
 _BENT = 0.02
 """Change of columns, as a share of them, from which they are those of another base."""
-_SEEN = 1e-6
-"""Share of the terms of the next degree from which a direction of them is none of the base's."""
 _AT_ONCE = 64
 """Columns that are projected together, about."""
 
@@ -188,35 +188,6 @@ class Projection:
 
         found = in_threads(of_place, np.unique(ends).tolist())
         return [number for numbers in found for number in numbers]
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """Directions of the terms of the next degree, which the choice of the base's degree left out.
-
-    What they explain is about the noise along each of them: more would have been taken, for it
-    would have lowered the error of prediction. So each is unit long over the rows, beside the base,
-    and has a coefficient of standard deviation 1.
-    """
-
-    turn: F
-    """(k, e) of the terms."""
-    of_base: F
-    """(b, e) of the columns of the base."""
-
-    @staticmethod
-    def of(projection: Projection, base_block: F, terms: F) -> LeftOut:
-        """Return those of whitened columns of the base (N, m, b) and of the terms (N, m, k)."""
-        own, every = projection.flat(base_block), projection.flat(terms)
-        shares = lstsq(own, every, rcond=1e-10)
-        _, sizes, turns = svd(every - own @ shares)
-        seen = sizes > _SEEN * np.linalg.norm(every)
-        turn = turns[seen].T / sizes[seen]
-        return LeftOut(turn, shares @ turn)
-
-    def columns(self, base_block: F, terms: F) -> F:
-        """(N, m, e) of any rows, from the columns of the base and of the terms there."""
-        return terms @ self.turn - base_block @ self.of_base
 
 
 def zero_errors(rows: Rows, noise: Noise) -> F:
@@ -685,12 +656,12 @@ def _filled(bare: Problem, block: F, shapes: list[ScoreColumns], projection: Pro
         block = block[:, :, :0]
     free = block.shape[2]
     left_out: LeftOut | None = None
-    if free:
+    if not projected.shape[2]:
         errs, terms = (
             bare.whitener @ part(bare.rows, bare.base) for part in (error_columns, further_columns)
         )
         zeros = bare.whitener @ zero_errors(bare.rows, bare.noise)
-        left_out = LeftOut.of(projection, block, terms)
+        left_out = LeftOut.of(projection.flat(block), projection.flat(terms))
         block = np.concatenate((block, errs, left_out.columns(block, terms), zeros), axis=2)
         bare = replace(bare, zeros=zeros.shape[2])
     norms = _lengths(block)
@@ -837,6 +808,8 @@ def _scaled(problem: Problem) -> Problem:
 def _least_scale(problem: Problem) -> float:
     """Return the least variance over that of the noise: what is known of it may be too large."""
     noise = problem.noise
+    if isinstance(problem.base, KnownMap):
+        return problem.base.left**2
     if noise.is_residual:
         # It is taken from the residual, which may be tiny.
         return 1e-6

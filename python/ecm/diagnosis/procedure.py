@@ -18,6 +18,7 @@ Each stage is a function that can be called by itself; what it returns is the in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import Any
@@ -36,7 +37,13 @@ from ecm.diagnosis.left_over import (
     leftover,
     residual_after,
 )
-from ecm.diagnosis.other_bases import against_other_bases, error_after, errors_beside
+from ecm.diagnosis.other_bases import (
+    against_other_bases,
+    error_after,
+    errors_beside,
+    is_explained,
+    of_same_specimen,
+)
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import (
     Candidate,
@@ -54,9 +61,11 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.statements import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.verdict import Decision, Describe, is_unlikely, probability, verdict
 from ecm.effects import Effect
+from ecm.errors import ModelError
 from ecm.io.arguments import listed
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.fit import as_model, choose_base
+from ecm.models.known import KnownMap, known_map
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
@@ -286,9 +295,14 @@ def diagnose(
         if not found.answer:
             return found
         richer = _far_better_degree(decision, model.base)
-        against = decision.problem.base.name
+        against, known = decision.problem.base.name, isinstance(decision.problem.base, KnownMap)
         del decision  # its rows, whitened, are most of the memory
-        return replace(found, addition=addition_to(model, table, named, richer, against))
+        return replace(
+            found,
+            addition=addition_to(
+                model.freeze("base") if known else model, table, named, richer, against
+            ),
+        )
 
 
 @one_blas_thread()
@@ -304,8 +318,10 @@ def find_missing(
 ) -> Decision:
     """Go through the stages up to the verdict, without the parts of the report.
 
-    Parameters are those of `diagnose`. The stages are gone through against the base of the model,
-    against others that may fit the body better, and in slow noise where a log shows it.
+    Parameters are those of `diagnose`. The stages are gone through against the model as it was
+    fitted to other rows, where that is known; where that leaves more than it left there, against a
+    base that is fitted to these, and others that may fit the body better; and in slow noise where a
+    log shows it.
 
     Examples
     --------
@@ -317,18 +333,25 @@ def find_missing(
     ()
     """
     prepared = prepare(model, table, effects, settings)
-    base = choose_base(model, prepared.table.drop(*prepared.zero_columns))
-    first = begin(base, prepared, noise, settings, stages)
 
-    def against(other: StiffnessMap) -> Decision:
-        return go_on(begin(other, prepared, noise, settings, stages), seed, stages)
+    def against(base: StiffnessMap, rows: Prepared = prepared) -> Decision:
+        return go_on(begin(base, rows, noise, settings, stages), seed, stages)
 
-    decision = against_other_bases(model, go_on(first, seed, stages), against, stages.describe)
-    base = decision.problem.base
+    as_fitted: Decision | None = None
+    known = known_map(model, prepared.table, settings.most_base_columns)
+    if known is not None:
+        with suppress(ModelError):  # these rows may be far from all that it was fitted to
+            as_fitted = of_same_specimen(against(known, prepared.with_other_specimen()))
+    if as_fitted is not None and is_explained(as_fitted):
+        decision = as_fitted
+    else:
+        first = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
+        decision = against_other_bases(model, first, as_fitted, against, stages.describe)
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
-        begun = begin(base, prepare(model, table, effects, limits), noise, limits, stages)
-        return replace(go_on(begun, seed, stages, slow), warnings=decision.warnings)
+        rows, base = prepare(model, table, effects, limits), decision.problem.base
+        again = go_on(begin(base, rows, noise, limits, stages), seed, stages, slow)
+        return replace(again, warnings=decision.warnings)
 
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)

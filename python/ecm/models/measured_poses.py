@@ -82,10 +82,10 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
                 (x[outside] - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300), axis=1
             )
             chosen = np.union1d(chosen, outside[np.argsort(-away)[:10]])
-    return _rounded(poses[chosen])
+    return rounded(poses[chosen])
 
 
-def _rounded(poses: F) -> list[list[float]]:
+def rounded(poses: F) -> list[list[float]]:
     """Eight digits, 10 nm of a neck: far below what any sensor tells."""
     return [[float(f"{x:.8g}") for x in pose] for pose in poses]
 

@@ -637,7 +637,9 @@ def addition_to(
     known = not found.noise.is_residual
     removed = tuple(item.id for item in model.effects if item.id not in present)
     words = [f"remove {' and '.join(removed)}"] if removed else []
-    options = " ".join([*(f"--remove {id}" for id in removed), *(f"--add {id}" for id in ids)])
+    frozen = ["--freeze base"] if model.base_frozen else []
+    named = *(f"--remove {id}" for id in removed), *(f"--add {id}" for id in ids)
+    options = " ".join([*named, *frozen])
     command = Remedy(
         ", ".join([*words, f"add {' and '.join(ids)}"]), f"ecm refit MODEL DATA {options} --out OUT"
     )

@@ -1,0 +1,100 @@
+"""A model before rows of another day: what it was fitted to tells what is new."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.diagnosis import find_missing
+from ecm.diagnosis.settings import DEFAULTS
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table, as_table
+from ecm.models import Model
+from ecm.models.known import KnownMap, known_map
+from support.campaigns import INSTRUMENT, workspace_poses
+from support.neck import columns_of
+from support.stand_in import L, wrench
+
+_G, MOST = 9.81, DEFAULTS.most_base_columns
+
+
+def day(seed: int, rows: int = 60, *, mass_kg: float = 0.0, factor: float = 1.0) -> Table:
+    """Rows of the closed form; a mass on the platform, without an arm, pulls along x."""
+    poses, random = workspace_poses(rows, seed), np.random.default_rng([seed, 1])
+    h = factor * wrench(poses)
+    h[:, 0] += _G * mass_kg
+    h += random.standard_normal((rows, 6)) * np.repeat([0.3, 0.01], 3)
+    columns = columns_of(poses, h) | {"time_s": 9.0 * np.arange(rows)}
+    return as_table(columns, meta=Meta(mechanism={"length_m": L}, instrument=INSTRUMENT))
+
+
+@pytest.fixture(scope="module")
+def yesterday() -> Model:
+    return ecm.fit(day(0, rows=80), "energy4")
+
+
+def test_a_mass_is_no_stiffness_for_a_model_that_was_fitted_without_it(yesterday: Model) -> None:
+    """In these rows alone a free energy takes in most of what a constant force does."""
+    today, tomorrow = day(1, mass_kg=1.5), day(2, mass_kg=1.5)
+    found = ecm.diagnose(yesterday, today)
+    assert any("payload" in members for members in found.answer), found.summary()
+    assert found.model.as_fitted
+    assert "as it was fitted to other rows" in found.sentence()
+    add = found.summary().add
+    assert add.startswith("better = ecm.refit(model, table, add=")
+    assert 'freeze="base"' in add
+    better = ecm.refit(yesterday, today, add="payload", freeze="base")
+    assert better.params["payload.mass"].value == pytest.approx(1.5, abs=0.1)
+    noise = {"before": ecm.compare(yesterday, tomorrow), "after": ecm.compare(better, tomorrow)}
+    assert noise["before"].whitened_rms > 10.0
+    assert noise["after"].whitened_rms < 1.3
+
+
+def test_another_specimen_is_no_effect(yesterday: Model) -> None:
+    found = ecm.diagnose(yesterday, day(3, factor=1.1))
+    assert (found.answer, found.model.answer, found.model.as_fitted) == ((), "numbers", None)
+    assert found.model.scale == pytest.approx(1.1, abs=0.01)
+
+
+def test_nothing_is_new(yesterday: Model) -> None:
+    found = ecm.diagnose(yesterday, day(4))
+    assert (found.verdict, found.model.answer, found.model.as_fitted) == ("none", "fits", True)
+    assert "another_specimen" not in str(found.to_dict())
+
+
+def test_the_rows_of_the_fit_say_nothing_new_of_it(yesterday: Model) -> None:
+    """Also where a column was added, or rows of another day came to them."""
+    own = day(0, rows=80)
+    warm = own.with_columns({"temperature_degC": 20.0 + 0.1 * np.arange(80)})
+    for table in (own, own.select(np.arange(40)), warm):
+        assert known_map(yesterday, table, MOST) is None
+        assert not isinstance(find_missing(yesterday, table).problem.base, KnownMap)
+    assert known_map(yesterday, day(5), MOST) is not None
+
+
+def test_of_a_model_that_is_far_off_nothing_is_known() -> None:
+    assert known_map(ecm.fit(day(0, rows=80), "linear"), day(5), MOST) is None
+
+
+def test_poses_far_from_all_that_were_measured_are_diagnosed(yesterday: Model) -> None:
+    today = day(6)
+    far = today.with_columns({name: 10.0 * today[name] for name in POSE[:3]})
+    assert ecm.diagnose(yesterday, far).model.answer == "table"
+
+
+def test_its_own_errors_are_those_of_the_fit(yesterday: Model) -> None:
+    known = known_map(yesterday, day(7), MOST)
+    assert known is not None
+    poses = day(7).poses
+    errors, columns = known.error_columns(poses), yesterday.base.columns(poses)
+    sd = np.sqrt(np.einsum("nmi,ij,nmj->nm", columns, known.covariance, columns))
+    of_fit = np.sqrt((errors[:, :, : columns.shape[2]] ** 2).sum(axis=2))
+    np.testing.assert_allclose(of_fit, sd, rtol=1e-6)
+    # Terms of one degree more err by about the noise where they were left out, beyond by more.
+    own, far = (known.error_columns(day(0, rows=80).poses * [[k] * 6]) for k in (1.0, 1.5))
+    further = [(part[:, :, columns.shape[2] :] ** 2).sum() for part in (own, far)]
+    assert further[1] > 2.0 * further[0] > 0.0
+    np.testing.assert_allclose(known.predict(poses), yesterday.base.predict(poses))
+    assert known.columns(poses).shape == (len(poses), len(WRENCH), 0)
