@@ -108,7 +108,7 @@ def _added(model: Model, table: Table, found: Diagnosis) -> Model | None:
 
 
 def _error(model: Model, table: Table) -> float:
-    """Of all readings over their noise."""
+    """Return the error of all readings over their noise."""
     force, torque = table.meta.instrument.force_sd_N, table.meta.instrument.torque_sd_Nm
     sd = np.array([force if name.endswith("_N") else torque for name in model.outputs])
     left = (table.matrix(model.outputs) - model.predict(table)) / sd

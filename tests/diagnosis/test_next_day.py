@@ -52,6 +52,14 @@ def test_a_mass_is_no_stiffness_for_a_model_that_was_fitted_without_it(yesterday
     assert noise["after"].whitened_rms < 1.3
 
 
+def test_what_the_model_holds_has_grown(yesterday: Model) -> None:
+    """A change of it is no further cause beside it."""
+    held = ecm.refit(yesterday, day(1, mass_kg=1.5), add="payload", freeze="base")
+    found = ecm.diagnose(held, day(2, mass_kg=1.54))
+    assert any("payload" in members for members in found.answer), found.summary()
+    assert "a change of what the model holds of it" in found.summary().missing
+
+
 def test_another_specimen_is_no_effect(yesterday: Model) -> None:
     found = ecm.diagnose(yesterday, day(3, factor=1.1))
     assert (found.answer, found.model.answer, found.model.as_fitted) == ((), "numbers", None)

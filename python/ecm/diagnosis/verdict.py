@@ -274,7 +274,9 @@ def probability(decision: Decision) -> float:
     """
     key, x = evidence(decision)
     logit, problem = np.dot(WEIGHTS[key], x), decision.problem
-    if key == "named" and problem.held and not seen_in_repeats(problem, decision.accepted.effects):
+    effects, own = decision.accepted.effects, {effect.id for effect in problem.holds}
+    further = problem.held and not {item.id for item in effects} <= own
+    if key == "named" and further and not seen_in_repeats(problem, effects):
         # The form of what the model holds is likelier than one more cause.
         logit += np.log(FURTHER_CAUSE)
     return float(special.expit(logit))
