@@ -15,6 +15,7 @@ from scipy.special import expit
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, find_missing, statements
 from ecm.diagnosis.given_model import _Judged
+from ecm.diagnosis.settings import DEFAULTS
 from ecm.diagnosis.summary import Summary
 from ecm.diagnosis.verdict import WEIGHTS
 from ecm.effects import Effect
@@ -96,12 +97,12 @@ def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) ->
     known = {
         "decision": SimpleNamespace(unknown=None, verdict="none"),
         "result": SimpleNamespace(
-            unused_inputs=(), missing=True, is_as_known=False, excess_low=0.1
+            unused_inputs=(), missing=True, is_as_known=False, excess_low=0.1,
+            neighbours_alike=None, structure=SimpleNamespace(found=True),
         ),
-        "given": SimpleNamespace(over_noise=1.18),
-        "refitted": SimpleNamespace(over_noise=again),
-        "is_form_of_base": True, "shown": True, "fits_again": True, "reason": "",
-        "is_behind_base": False, "is_known": False,
+        "problem": SimpleNamespace(size=600, settings=DEFAULTS, outlying_rows=()),
+        "given": SimpleNamespace(whitened=1.18), "refitted": SimpleNamespace(whitened=again),
+        "is_form_of_base": True, "is_known": False,
     }  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         for name, value in known.items():

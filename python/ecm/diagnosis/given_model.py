@@ -20,7 +20,8 @@ import numpy as np
 
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
-from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows, structure_test
+from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows
+from ecm.diagnosis.other_bases import BETTER
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import held_out_rms, kind_of
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
@@ -32,13 +33,13 @@ from ecm.io.conventions import Convention, conventions, in_words, rarer_conventi
 from ecm.io.events import fields_json
 from ecm.io.table import Table
 from ecm.models.errors import held_out
-from ecm.models.joint_fit import JointFit, base_columns
+from ecm.models.joint_fit import JointFit
 from ecm.models.known import KnownMap
 from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind, remedy_with_base
+from ecm.models.refit import FAR_BEYOND_NOISE, remedy_with_base
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows, inputs_of
 
@@ -120,7 +121,8 @@ def _is_a_specimen(item: Convention, poses: F, wrench: F) -> bool:
 
 
 Answer = Literal["fits", "inputs", "numbers", "form", "effect", "table", "noise"]
-Reason = Literal["", "rows", "weak"]
+Reason = Literal["", "rows"]
+_Best = Literal["given", "numbers", "form"]
 _FAR = 2.0
 """A reading, or a model without inputs, may leave so many times the error of a fitted base."""
 _OF_ITS_OWN = 1.5
@@ -138,6 +140,8 @@ class Errors:
 
     over_noise: float | None
     """Whitened rms; None where nothing is known of the noise."""
+    whitened: float = field(metadata={"json": ""})
+    """The same in any case: of a noise that is only a residual, over that."""
     rmse: dict[str, float]
     """Error of each component, in the unit of its column."""
     of_spread: float | None = field(default=None, metadata={"json": ""})
@@ -196,8 +200,8 @@ class GivenModel:
     neighbours_alike: float | None = field(default=None, metadata={"optional": True})
     """Correlation of the errors of rows that follow each other; None where it is chance."""
     reason: Reason = ""
-    """Why a base that is no richer shows nothing: `rows` that are unlike all others count less in
-    it, or what the model lacks is too `weak`; empty where it shows it, or is richer."""
+    """`rows` that are unlike all others, which count less in the base, where they are why it errs
+    less."""
     unused_inputs: tuple[str, ...] = field(default=(), metadata={"optional": True})
     """Inputs of actuators that vary in these rows, and that it does not take."""
     remedy: Remedy | None = field(default=None, metadata={"optional": True})
@@ -317,7 +321,7 @@ class _Judged:
         result = self.result
         answer, statement = self.with_table(self.answer)
         again, effects = None, None
-        if self.missing or answer == "form":
+        if answer not in ("fits", "noise"):
             # The base is the same fit where it is of the same form and no row counts less in it.
             same = self.is_form_of_base and self.reason != "rows"
             again, effects = self.base if same else self.refitted, self.of_fit(self.fits[1])
@@ -346,89 +350,71 @@ class _Judged:
         if answer == "numbers":
             measured = table.matrix([c.name for c in result.components])[result.row]
             return _scale(result, measured, measured - result.physical)
-        if answer != "effect" or fit is None or not _far_behind(self.given, again):
+        if answer != "effect" or not (fit and again and self.is_far_less(again, self.given)):
             return None
         poses = inputs_of(self.model.base, table.select(result.row))
         return _scale(result, fit.base.predict(poses), self.model.base.predict(poses))
 
     @property
     def answer(self) -> Answer:
-        """The answer where the table is right: the first rule that holds."""
+        """The answer where the table is right."""
         unknown = self.decision.unknown
         if unknown is not None and unknown.slow_noise is not None:
             return "fits"
-        if self.lacks_inputs:
+        if self.best == "form" and self.result.unused_inputs:
             return "inputs"
-        if self.is_form_of_base and self.decision.verdict != "none":
-            return "effect"
-        # Beside the same form the stages may have found nothing.
-        if not self.missing or (self.is_form_of_base and not self.has_other_numbers):
-            return self.without_structure
-        if self.has_other_numbers:
+        if self.reason == "rows":
             return "numbers"
-        return "form" if self.too_plain and not self.reason else "effect"
-
-    @property
-    def has_other_numbers(self) -> bool:
-        """Whether the same form fits with other coefficients."""
-        return not self.is_known and (
-            (self.fits_again and self.falls_again) or self.reason == "rows"
-        )
-
-    @property
-    def without_structure(self) -> Answer:
-        """The answer where nothing in the residual of the model says more."""
-        nothing = self.decision.verdict == "none"
-        if nothing and self.result.is_as_known and not self.is_behind_base:
-            return "fits"
-        if self.far_off and not nothing:
+        if self.decision.verdict != "none" and self.best != "form":
             return "effect"
-        if self.far_off:
-            other = not (self.is_form_of_base or self.is_base)
-            return "form" if other and self.base_explains_most else "noise"
-        if not self.beyond_noise:
-            return "fits"
-        return "form" if self.is_behind_base and self.base_explains_most else "noise"
+        if self.best != "given":
+            return self.best
+        return "noise" if self.errs else "fits"
 
-    @property
-    def base_explains_most(self) -> bool:
-        """Whether the base takes most of what its kind leaves beyond the noise: no noise does."""
-        own, other = (one.over_noise for one in (self.refitted or self.given, self.base))
-        return own is not None and other is not None and other**2 - 1.0 < 0.5 * (own**2 - 1.0)
+    @cached_property
+    def best(self) -> _Best:
+        """What explains the rows: the plainest, of which no other leaves far less.
+
+        Rows that are unlike all others count alike in all of them. Of a base that is the model as
+        it was fitted nothing is fitted again.
+        """
+        if not (self.errs or self.result.missing):
+            return "given"
+        best: _Best = "given"
+        least = self.given
+        again = None if self.is_known else self.refitted
+        if again is not None and self.is_far_less(again, least):
+            best, least = "numbers", again
+        if self.is_form_of_base or self.is_base:
+            return best
+        other = self.base_of_all_rows
+        return "form" if other is not None and self.is_far_less(other, least) else best
+
+    def is_far_less(self, errors: Errors, than: Errors) -> bool:
+        """Whether one leaves far less beyond the noise; by BIC of structure that has no name."""
+        size, alike = self.problem.size, self.result.neighbours_alike or 0.0
+        if self.decision.verdict == "none" and self.result.structure.found:
+            fall = 2.0 * math.log(max(than.whitened, 1e-300) / max(errors.whitened, 1e-300))
+            independent = size * (1.0 - alike) / (1.0 + alike)
+            return fall * independent > self.problem.settings.least_bic
+        # What is as near to the noise as chance brings it is at it.
+        noise = not self.result.noise.is_residual
+        left, before = (max(one.whitened, NEAR_NOISE) ** 2 - noise for one in (errors, than))
+        return left < BETTER * before
 
     @cached_property
     def reason(self) -> Reason:
-        """Why a base that is no richer shows nothing."""
-        if not self.too_plain:
+        """Whether only a base in which rows count less leaves far less than the model."""
+        told = self.problem.outlying_rows and not self.result.noise.is_residual
+        if self.is_known or not told or self.best == "form":
             return ""
-        if self.problem.outlying_rows and _far_behind(self.given, self.base):
-            # What is advised is a fit in which these rows count like all others.
-            plain = self.is_behind_base and not _far_behind(self.base_of_all_rows, self.base)
-            return "" if plain else "rows"
-        return "" if self.is_behind_base else "weak"
+        return "rows" if self.is_far_less(self.base, self.given) else ""
 
     @cached_property
     def base_of_all_rows(self) -> Errors | None:
         """Errors of the base where all rows count alike in its fit."""
         table, noise = self.decision.prepared.unexplained, self.result.noise
         return self.of_fit(refit_of_kind(self.problem.base, table, noise))
-
-    @cached_property
-    def is_behind_base(self) -> bool:
-        """Whether its kind errs more than that of the base, both fitted alike to these rows."""
-        if self.is_form_of_base or self.refitted is None or self.is_base:
-            return False
-        problem = self.problem
-        if not problem.outlying_rows and _far_behind(self.refitted, self.base):
-            return True  # else rows that count less in the base would be all the difference
-        both = self.refitted, self.base_of_all_rows
-        own, other = (one.over_noise if one else None for one in both)
-        if own is None or other is None:  # a base with nearly a coefficient a row leaves nothing
-            return own is None
-        fall = 2.0 * math.log(max(own, 1e-300) / max(other, 1e-300))  # of squares, held out
-        alike = self.result.neighbours_alike or 0.0  # so many of these rows are independent:
-        size = problem.size * (1.0 - alike) / (1.0 + alike)
-        return fall * size > problem.settings.least_bic
 
     @property
     def is_base(self) -> bool:
@@ -451,30 +437,20 @@ class _Judged:
         return self.is_alike and self.model.base.name == self.problem.base.name
 
     @property
-    def far_off(self) -> bool:
-        """Whether it errs more than a noise that was stated half as large."""
-        return (self.given.over_noise or 0.0) > FAR_BEYOND_NOISE
-
-    @property
-    def beyond_noise(self) -> bool:
-        """Whether it errs more than the noise, by more than chance."""
-        return (self.given.over_noise or 0.0) > NEAR_NOISE and self.result.excess_low > 0.0
-
-    @cached_property
-    def shown(self) -> bool:
-        """Whether its residual shows more than noise; the comparison fits a base of its own."""
-        return _far_behind(self.given, self.base) or self.result.missing
+    def errs(self) -> bool:
+        """Whether it errs more than the noise, by more than chance and its coefficients' errors."""
+        beyond = self.given.whitened > NEAR_NOISE and self.result.excess_low > 0.0
+        return beyond and not self.result.is_as_known
 
     @cached_property
     def fits(self) -> tuple[JointFit | None, JointFit | None]:
         """Its kind fitted to the rows, alone and with the accepted effects; None if not tried."""
         accepted = [item.effect for item in self.decision.accepted.effects]
-        tried = bool(accepted) and self.is_alike
-        if self.is_base or not (self.shown or tried or self.beyond_noise):
+        if self.is_base:
             return None, None
         noise = self.result.noise
         again = refit_of_kind(self.model.base, self.decision.prepared.unexplained, noise)
-        if again is None or not tried:
+        if again is None or not (accepted and self.is_alike):
             return again, None
         return again, fit_or_none(again.base, accepted, again.rows.table, noise)
 
@@ -492,64 +468,9 @@ class _Judged:
         return _sized(table, float(error), rmse, fit.base.outputs, noise=self.result.noise)
 
     @cached_property
-    def needed(self) -> bool:
-        """Whether the effects are, by the fall of BIC, whatever the size of the noise.
-
-        Smooth functions do not show the way back of a hysteresis.
-        """
-        without, with_effects = self.fits
-        if without is None or with_effects is None:
-            return False
-        scored = without.rows.table.of_poses
-        before, after = (float((f.whitened[scored] ** 2).sum()) for f in (without, with_effects))
-        size = without.whitened[scored].size
-        more = with_effects.design.shape[2] - without.design.shape[2]
-        fall = math.log(max(before, 1e-300) / max(after, 1e-300))
-        return bool(size * fall - more * math.log(size) > self.problem.settings.least_bic)
-
-    @property
-    def missing(self) -> bool:
-        return self.shown or self.needed
-
-    @cached_property
     def refitted(self) -> Errors | None:
         """Errors of its kind fitted to the rows."""
         return self.base if self.is_base else self.of_fit(self.fits[0])
-
-    @cached_property
-    def fits_again(self) -> bool:
-        """Whether its kind lacks nothing where it is fitted to the rows."""
-        if self.is_base:
-            return self.decision.verdict == "none" or not self.decision.gate.rejected
-        fit = self.fits[0]
-        if fit is None or self.needed or _far_behind(self.refitted, self.base):
-            return False
-        whitener = whiteners(self.result.noise.covariance(fit.rows, fit.base.error))
-        rows = fit.rows.quieted
-        own = fit.design if rows is fit.rows else whitener @ base_columns(rows, fit.base)
-        return not structure_test(rows, fit.whitened, whitener, fitted=own).found
-
-    @property
-    def falls_again(self) -> bool:
-        """Whether its kind errs less where it is fitted to the rows: else its numbers are right."""
-        again = None if self.refitted is None else self.refitted.over_noise
-        return again is None or (self.given.over_noise or 0.0) > again
-
-    @property
-    def too_plain(self) -> bool:
-        """Whether it lacks what the base has, or what both lack: no effect, or the smaller part."""
-        if not self.missing or self.fits_again:
-            return False
-        return _far_behind(self.refitted, self.base) or self.decision.verdict == "none"
-
-    @property
-    def lacks_inputs(self) -> bool:
-        """Whether it errs, or errs far more than a base that takes more inputs; its fit counts."""
-        if not self.result.unused_inputs or self.missing:
-            return bool(self.result.unused_inputs)
-        problem, given, base = self.problem, self.given.rmse, self.base.rmse
-        own = problem.size / max(problem.size - len(problem.base.coefficients), 1)
-        return any(given[name] > _FAR * np.sqrt(own) * base[name] for name in given)
 
     def remedy(self, answer: Answer) -> Remedy | None:
         """The command that mends table or model, tried; None where an effect is missing."""
@@ -569,7 +490,7 @@ class _Judged:
 
     def with_table(self, answer: Answer) -> tuple[Answer, WrongStatement | None]:
         """Return the answer, and another reading of the table where that is one."""
-        if not (self.missing or answer == "effect" or (answer == "noise" and self.far_off)):
+        if answer == "fits":
             return answer, None
         if self.decision.misread and self.is_base:  # the base has the numbers of the body
             return "table", None
@@ -588,11 +509,11 @@ def _sized(
     known = None if noise.is_residual else over_noise
     errors = dict(zip(outputs, rmse, strict=True))
     if not noise.is_assumed:
-        return Errors(known, errors)
+        return Errors(known, over_noise, errors)
     measured = table.measured()
     spread = {name: float(measured.column(name).std()) for name in errors}
     shares = [error / spread[name] for name, error in errors.items() if spread[name] > 0.0]
-    return Errors(known, errors, max(shares, default=None))
+    return Errors(known, over_noise, errors, max(shares, default=None))
 
 
 def _scale(result: Comparison, measured: F, modelled: F) -> float | None:
@@ -615,10 +536,3 @@ def refit_of_kind(base: StiffnessMap, table: Table, noise: Noise) -> JointFit | 
     if base.kind in LEARNED or not 0 < 2 * count <= len(table) * len(base.outputs):
         return None
     return fit_or_none(base, (), table, noise)
-
-
-def _far_behind(given: Errors | None, base: Errors | None) -> bool:
-    """Whether a model errs far beyond the noise and a base fitted to the rows does not."""
-    if given is None or base is None or given.over_noise is None or base.over_noise is None:
-        return False
-    return is_far_behind(given.over_noise, base.over_noise)
