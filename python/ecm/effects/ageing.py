@@ -96,8 +96,14 @@ class OfTemperature(LinearEffect):
     reference_degC: float | None = optional(None)
     """Temperature at which the correction is zero; None: the mean of the table."""
 
+    def with_free_base(self) -> Effect:
+        """The same without its reference, at which the base holds."""
+        return replace(self, reference_degC=None)
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Referred to the mean temperature of the table."""
+        """Referred to the mean temperature of the table, where it has no reference yet."""
+        if self.reference_degC is not None:
+            return (self,)
         mean = round(float(table.column("temperature_degC").mean()), 3)
         return (replace(self, reference_degC=mean),)
 

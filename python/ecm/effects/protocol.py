@@ -273,6 +273,10 @@ class Effect:
         form_of: Any = type(self)
         return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
+    def with_free_base(self) -> Effect:
+        """The same where the base is fitted with it: a state that both refer to is open again."""
+        return self
+
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shapes on both sides of this one, nearer with each round from 0; here none."""
         return ()

@@ -443,8 +443,8 @@ class EvaluatedModel:
 
     @property
     def kept(self) -> dict[str, Any]:
-        """`of_fit` where a fit to other rows keeps it, so that frozen effects stay the same."""
-        return self.of_fit if any(item.frozen for item in self.effects) else {}
+        """`of_fit` where a fit to other rows keeps it, so that what is frozen stays the same."""
+        return self.of_fit if self.base_frozen or any(item.frozen for item in self.effects) else {}
 
 
 def on_what_is_measured(model: ModelT, table: Table) -> ModelT:

@@ -633,7 +633,7 @@ class Model(Shown, EvaluatedModel):
                     f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
                     f"record {lacking.record}"
                 )
-            forms[position] = form
+            forms[position] = form if self.base_frozen else form.with_free_base()
         return forms
 
     def _with_effects(self, new: dict[int, Effect]) -> Model:
