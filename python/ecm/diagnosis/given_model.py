@@ -340,7 +340,7 @@ class _Judged:
             statement=statement,
             neighbours_alike=result.neighbours_alike,
             unused_inputs=result.unused_inputs if answer == "inputs" else (),
-            reason=self.reason if answer in ("numbers", "effect") else "",
+            reason=self.reason if answer == "numbers" else "",
             remedy=self.remedy(answer),
         )
 
@@ -363,10 +363,10 @@ class _Judged:
             return "fits"
         if self.best == "form" and self.result.unused_inputs:
             return "inputs"
-        if self.reason == "rows":
-            return "numbers"
         if self.decision.verdict != "none" and self.best != "form":
             return "effect"
+        if self.reason == "rows":
+            return "numbers"
         if self.best != "given":
             return self.best
         return "noise" if self.errs else "fits"
@@ -392,15 +392,16 @@ class _Judged:
 
     def is_far_less(self, errors: Errors, than: Errors) -> bool:
         """Whether one leaves far less beyond the noise; by BIC of structure that has no name."""
-        size, alike = self.problem.size, self.result.neighbours_alike or 0.0
-        if self.decision.verdict == "none" and self.result.structure.found:
-            fall = 2.0 * math.log(max(than.whitened, 1e-300) / max(errors.whitened, 1e-300))
-            independent = size * (1.0 - alike) / (1.0 + alike)
-            return fall * independent > self.problem.settings.least_bic
         # What is as near to the noise as chance brings it is at it.
         noise = not self.result.noise.is_residual
         left, before = (max(one.whitened, NEAR_NOISE) ** 2 - noise for one in (errors, than))
-        return left < BETTER * before
+        if left < BETTER * before:
+            return True
+        if self.decision.verdict != "none" or not self.result.structure.found:
+            return False
+        size, alike = self.problem.size, self.result.neighbours_alike or 0.0
+        fall = 2.0 * math.log(max(than.whitened, 1e-300) / max(errors.whitened, 1e-300))
+        return fall * size * (1.0 - alike) / (1.0 + alike) > self.problem.settings.least_bic
 
     @cached_property
     def reason(self) -> Reason:

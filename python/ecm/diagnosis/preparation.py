@@ -103,9 +103,10 @@ class Prepared:
     misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
 
-    def with_other_specimen(self) -> Prepared:
-        """The same with another specimen among the effects: of the same one it is not named."""
-        return replace(self, effects=(*self.effects, OtherSpecimen()))
+    def beside_known(self) -> Prepared:
+        """The same beside a known base, with another specimen among the effects."""
+        effects = (effect.beside_base(known=True) for effect in self.effects)
+        return replace(self, effects=(*effects, OtherSpecimen()))
 
     def told_by_check(self, rows: Sequence[int]) -> list[int]:
         """Numbers in the file of those of these rows that `ecm check` lists as no measurement."""

@@ -341,7 +341,7 @@ def find_missing(
     known = known_map(model, prepared.table, settings.most_base_columns)
     if known is not None:
         with suppress(ModelError):  # these rows may be far from all that it was fitted to
-            as_fitted = of_same_specimen(against(known, prepared.with_other_specimen()))
+            as_fitted = of_same_specimen(against(known, prepared.beside_known()))
     if as_fitted is not None and is_explained(as_fitted):
         decision = as_fitted
     else:

@@ -96,9 +96,9 @@ class OfTemperature(LinearEffect):
     reference_degC: float | None = optional(None)
     """Temperature at which the correction is zero; None: the mean of the table."""
 
-    def with_free_base(self) -> Effect:
-        """The same without its reference, at which the base holds."""
-        return replace(self, reference_degC=None)
+    def beside_base(self, known: bool) -> Effect:
+        """The same; without a reference where the base, which holds there, is open as well."""
+        return self if known else replace(self, reference_degC=None)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Referred to the mean temperature of the table, where it has no reference yet."""

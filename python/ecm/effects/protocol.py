@@ -273,8 +273,8 @@ class Effect:
         form_of: Any = type(self)
         return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
-    def with_free_base(self) -> Effect:
-        """The same where the base is fitted with it: a state that both refer to is open again."""
+    def beside_base(self, known: bool) -> Effect:
+        """The same beside a base that is known, or fitted with it; here no other one."""
         return self
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:

@@ -151,6 +151,14 @@ class FtsOffset(FromAMoment, CourseEffect):
         elif self.first_run is not None:
             self.physics = "The sensor has another zero from one run on: a constant in its axes."
 
+    def beside_base(self, known: bool) -> Effect:
+        """The same; of single columns a known base tells it, which has its constant term."""
+        if not known or self.outputs is None:
+            return self
+        told = FtsOffset(first_run=-1.0, outputs=self.outputs)
+        told.requires = ()
+        return told
+
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A wrong zero, also from each run on; where the free sensor was read the strain of bolts.
 
@@ -160,7 +168,7 @@ class FtsOffset(FromAMoment, CourseEffect):
         runs = np.unique(table.column("run"))[1:_MOST_RUNS].tolist() if table.has("run") else []
         if self.outputs is not None:
             outputs = ",".join(table.wrench_columns)
-            begins = [-1.0] * free + runs
+            begins = [-1.0] * (free or not self.requires) + runs
             return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
         return (
             FtsOffset(),

@@ -441,11 +441,6 @@ class EvaluatedModel:
         old = {name: self.training[name] for name in ("mean_stiffness",) if name in self.training}
         return {"clock_s": 0.0, **old, **self.training.get("of_fit", {})}
 
-    @property
-    def kept(self) -> dict[str, Any]:
-        """`of_fit` where a fit to other rows keeps it, so that what is frozen stays the same."""
-        return self.of_fit if self.base_frozen or any(item.frozen for item in self.effects) else {}
-
 
 def on_what_is_measured(model: ModelT, table: Table) -> ModelT:
     """The model of the wrench columns that the table has: one of six may be fitted to three."""

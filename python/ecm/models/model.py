@@ -593,6 +593,11 @@ class Model(Shown, EvaluatedModel):
         history.append(own.beside(history[-1]) if history else own)
         return replace(fitted, history=tuple(history))
 
+    @property
+    def kept(self) -> dict[str, Any]:
+        """`of_fit` where a fit to other rows keeps it, so that what is frozen stays the same."""
+        return self.of_fit if self.base_frozen or any(item.frozen for item in self.effects) else {}
+
     def _shaped(self, table: Table, noise: Noise, steps: Steps) -> Model:
         """The model with the shape of each free effect that explains most beside the others."""
         forms, own, frozen = self._forms_of(table), self.effects, self.base_frozen
@@ -627,13 +632,14 @@ class Model(Shown, EvaluatedModel):
                 continue
             names, known = (*self.inputs, *self.outputs), whole.meta.length_m is not None
             (form,) = effects_for(names, (item.effect,), length_known=known)
+            form = form.beside_base(self.base_frozen)
             lacking = form.missing(whole) or missing_beside_columns(form, whole)
             if lacking is not None:
                 raise InputError(
                     f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
                     f"record {lacking.record}"
                 )
-            forms[position] = form if self.base_frozen else form.with_free_base()
+            forms[position] = form
         return forms
 
     def _with_effects(self, new: dict[int, Effect]) -> Model:

@@ -30,10 +30,10 @@ from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
-from ecm.models.registry import parse_model
+from ecm.models.registry import parse_model, was_trained_on
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import spread_rows, without_zero_readings
-from ecm.regression.noise import Noise
+from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import Rows, naming_outliers
 
@@ -627,6 +627,8 @@ def addition_to(
             if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
         refuse_addition(found, table, model)
+        own = was_trained_on(model.training, table)
+        stands = np.inf if own else _error_of(model, table, found.noise)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
         if against and against != model.base.name:
@@ -650,6 +652,11 @@ def addition_to(
     better = remedy_with_base(other, every, table, most) if other else None
     held = "prior" in found.training  # near the physics: its coefficients are no free ones
     no_less = after >= before or (not held and last.bic_fall(first) <= 0.0)
+    if known and stands <= (most if better else after):
+        errs = (
+            f"as it stands it errs {stands:.3g} times the noise on these rows, not fitted to them"
+        )
+        return Addition(ids, before, after, errs, None)
     if known and not better and no_less and against not in ("", model.name):
         # It may hold already what the base lacks that they were named against.
         errs = "less with it, which may be chance" if after < before else "no less with it"
@@ -667,15 +674,23 @@ def addition_to(
 
 def _fitted_anew(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
     """Fit a model anew to these rows, its base only where the effects alone do not mend it."""
+    found: tuple[float, Addition] | None = None
     for kept, options in ((model.freeze("base"), " --freeze base"), (model, "")):
         with suppress(EcmError, np.linalg.LinAlgError):
             again = kept.fit(table, with_ceiling=False)
             refuse_addition(again, table, model)
-            (before, _), (after, sd) = (errors_and_noise(one, table) for one in (model, again))
-            if is_far_behind(rms(before / sd), rms(after / sd)):
+            before, after = (_error_of(one, table, again.noise) for one in (model, again))
+            if is_far_behind(before if found is None else found[0], after):
                 remedy = Remedy("fit it anew", f"ecm refit MODEL DATA{options} --out OUT")
-                return Addition(ids, None, None, "", remedy)
-    return None
+                found = after, Addition(ids, None, None, "", remedy)
+    return None if found is None else found[1]
+
+
+def _error_of(model: Model, table: Table, noise: Noise) -> float:
+    """The error of a model as it stands on these rows, over their noise."""
+    left = table.matrix(model.outputs) - model.readings(table, skip_untestable=True)
+    root = whiteners(noise.covariance(Rows(table, model.base), model.base.error))
+    return rms(np.einsum("nij,nj->ni", root, left)[table.of_poses])
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
