@@ -62,7 +62,7 @@ def test_what_the_model_holds_has_grown(yesterday: Model) -> None:
 
 def test_another_specimen_is_no_effect(yesterday: Model) -> None:
     found = ecm.diagnose(yesterday, day(3, factor=1.1))
-    assert (found.answer, found.model.answer, found.model.as_fitted) == ((), "numbers", None)
+    assert (found.answer, found.model.answer, found.model.as_fitted) == ((), "numbers", True)
     assert found.model.scale == pytest.approx(1.1, abs=0.01)
 
 

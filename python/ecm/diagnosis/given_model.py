@@ -127,6 +127,8 @@ _FAR = 2.0
 """A reading, or a model without inputs, may leave so many times the error of a fitted base."""
 _OF_ITS_OWN = 1.5
 """A reading may leave so many times the error of the model on the rows that it was fitted to."""
+_ROUNDING = 1e-6
+"""An error of so many times the noise is nothing."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -231,6 +233,7 @@ class GivenModel:
                 text += ", as chance and the coefficients of few rows do"
         if self.as_fitted:
             text += "; names are against it as it was fitted to other rows"
+            text += f", times {self.scale:.3g}" if self.scale is not None else ""
         elif not self.is_base:
             own = self.base == self.name
             other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
@@ -334,8 +337,8 @@ class _Judged:
             with_effects=effects,
             base=self.problem.base.name,
             base_errors=self.base,
-            is_base=self.is_base or self.is_known,
-            as_fitted=self.is_known or None,
+            is_base=self.is_base or self.known is not None,
+            as_fitted=self.known is not None or None,
             scale=self.factor(answer, again),
             statement=statement,
             neighbours_alike=result.neighbours_alike,
@@ -347,6 +350,8 @@ class _Judged:
     def factor(self, answer: Answer, again: Errors | None) -> float | None:
         """The factor on the wrench that explains the misfit; beside effects, what they leave."""
         result, table, fit = self.result, self.decision.prepared.table, self.fits[1]
+        if self.known is not None and self.known.factor != 1.0:
+            return self.known.factor
         if answer == "numbers":
             measured = table.matrix([c.name for c in result.components])[result.row]
             return _scale(result, measured, measured - result.physical)
@@ -376,13 +381,15 @@ class _Judged:
         """What explains the rows: the plainest, of which no other leaves far less.
 
         Rows that are unlike all others count alike in all of them. Of a base that is the model as
-        it was fitted nothing is fitted again.
+        it was fitted nothing is fitted again; another specimen has other numbers.
         """
+        if self.known is not None and self.known.factor != 1.0:
+            return "numbers"
         if not (self.errs or self.result.missing):
             return "given"
         best: _Best = "given"
         least = self.given
-        again = None if self.is_known else self.refitted
+        again = self.refitted if self.known is None else None
         if again is not None and self.is_far_less(again, least):
             best, least = "numbers", again
         if self.is_form_of_base or self.is_base:
@@ -400,14 +407,14 @@ class _Judged:
         if self.decision.verdict != "none" or not self.result.structure.found:
             return False
         size, alike = self.problem.size, self.result.neighbours_alike or 0.0
-        fall = 2.0 * math.log(max(than.whitened, 1e-300) / max(errors.whitened, 1e-300))
+        fall = 2.0 * math.log(max(than.whitened, _ROUNDING) / max(errors.whitened, _ROUNDING))
         return fall * size * (1.0 - alike) / (1.0 + alike) > self.problem.settings.least_bic
 
     @cached_property
     def reason(self) -> Reason:
         """Whether only a base in which rows count less leaves far less than the model."""
         told = self.problem.outlying_rows and not self.result.noise.is_residual
-        if self.is_known or not told or self.best == "form":
+        if self.known is not None or not told or self.best == "form":
             return ""
         return "rows" if self.is_far_less(self.base, self.given) else ""
 
@@ -423,9 +430,9 @@ class _Judged:
         return all(isinstance(one.base, PhysicsMap) for one in (self.model, self.problem))
 
     @property
-    def is_known(self) -> bool:
-        """Whether the base is the model as it was fitted to other rows."""
-        return isinstance(self.problem.base, KnownMap)
+    def known(self) -> KnownMap | None:
+        """The base where it is the model as it was fitted to other rows."""
+        return self.problem.base if isinstance(self.problem.base, KnownMap) else None
 
     @property
     def is_alike(self) -> bool:
@@ -486,6 +493,8 @@ class _Judged:
         base = {"form": self.problem.base, "inputs": self.problem.base, "numbers": self.model.base}
         if answer not in base:
             return None
+        if self.known is not None:
+            return Remedy("fit it up to one factor", "ecm refit MODEL DATA --freeze form --out OUT")
         effects = [item.effect for item in self.model.effects]
         return remedy_with_base(base[answer].name, effects, table)
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.left_over import residual_after
-from ecm.diagnosis.preparation import OtherSpecimen
 from ecm.diagnosis.problem import Candidates, Problem, Projection
 from ecm.diagnosis.search import delta_chi2, held_out_rms, kind_of, without
 from ecm.diagnosis.statements import modulus_warning, ratio_warning
@@ -29,7 +28,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
 from ecm.models.fit import energy_with, fewer_degrees, fit_base, more_degrees, symmetric_energy
-from ecm.models.joint_fit import base_columns, unit_products
+from ecm.models.joint_fit import FittedEffect, base_columns, unit_products
 from ecm.models.known import KnownMap
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
@@ -37,6 +36,7 @@ from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
+from ecm.models.specimen import OtherSpecimen
 from ecm.regression.f_test import independent_factor
 from ecm.regression.rows import Rows, inputs_of
 
@@ -60,7 +60,7 @@ _LESS_SYMMETRY = {
 
 
 def of_same_specimen(known: Decision) -> Decision | None:
-    """Return an answer against a model as it was fitted; None where the body is another one.
+    """Return an answer against a model as it was fitted; None where the body may be another one.
 
     Where the noise is assumed, nothing tells how well the model fitted its own rows.
     """
@@ -71,6 +71,13 @@ def of_same_specimen(known: Decision) -> Decision | None:
         return None
     ranking = tuple(item for item in known.ranking if item.id != OtherSpecimen.id)
     return replace(known, problem=known.problem.without_effect(OtherSpecimen.id), ranking=ranking)
+
+
+def other_specimen(known: Decision) -> FittedEffect | None:
+    """The factor on all loads of a model as it was fitted, where that is accepted; else None."""
+    fit = None if known.problem.noise.is_assumed else known.accepted.fit
+    effects = fit.effects if fit is not None else ()
+    return next((item for item in effects if isinstance(item.effect, OtherSpecimen)), None)
 
 
 def is_explained(decision: Decision) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_of, get_effect
-from ecm.effects.protocol import LinearEffect, Parameter, Shape, correction_of
+from ecm.effects.protocol import LinearEffect, Shape, correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.conventions import WrongConvention
@@ -17,6 +17,7 @@ from ecm.models.actuated import ActuatedMap, misread
 from ecm.models.joint_fit import FittedEffect
 from ecm.models.model import Model
 from ecm.models.registry import was_trained_on
+from ecm.models.specimen import OtherSpecimen
 from ecm.regression.folds import (
     distinct_rows,
     rows_without_zero_readings,
@@ -66,20 +67,6 @@ class OtherValues(LinearEffect):
         return self.of.effect.jacobian(rows, self.of.values)
 
 
-class OtherSpecimen(LinearEffect):
-    """All loads times one number: the body is another one, and no effect of what was fitted."""
-
-    id = "another_specimen"
-    physics = "Another specimen, stiffer or softer as a whole."
-    parameters = (Parameter("share", "1", 0.1),)
-    requires = ()
-    of_six = False
-
-    def columns(self, rows: Rows) -> F:
-        """(N, m, 1): the wrench."""
-        return rows.wrench[:, :, None]
-
-
 @dataclass(frozen=True)
 class Prepared:
     """Rows and effects of one diagnosis."""
@@ -104,9 +91,12 @@ class Prepared:
     """What looks wrong with the signs or the columns of the rows as they were given."""
 
     def beside_known(self) -> Prepared:
-        """The same beside a known base, with another specimen among the effects."""
-        effects = (effect.beside_base(known=True) for effect in self.effects)
-        return replace(self, effects=(*effects, OtherSpecimen()))
+        """The same beside a base that is known."""
+        return replace(self, effects=tuple(one.beside_base(known=True) for one in self.effects))
+
+    def with_other_specimen(self) -> Prepared:
+        """The same with another specimen among the effects: of the same one it is not named."""
+        return replace(self, effects=(*self.effects, OtherSpecimen()))
 
     def told_by_check(self, rows: Sequence[int]) -> list[int]:
         """Numbers in the file of those of these rows that `ecm check` lists as no measurement."""

@@ -43,6 +43,7 @@ from ecm.diagnosis.other_bases import (
     errors_beside,
     is_explained,
     of_same_specimen,
+    other_specimen,
 )
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import (
@@ -70,6 +71,7 @@ from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.refit import addition_to, is_far_behind
+from ecm.models.specimen import of_other_specimen
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
 from ecm.regression.rows import actuators_of, naming_outliers
@@ -295,14 +297,11 @@ def diagnose(
         if not found.answer:
             return found
         richer = _far_better_degree(decision, model.base)
-        against, known = decision.problem.base.name, isinstance(decision.problem.base, KnownMap)
+        base = decision.problem.base
+        kept = base.keeps if isinstance(base, KnownMap) else ""
         del decision  # its rows, whitened, are most of the memory
-        return replace(
-            found,
-            addition=addition_to(
-                model.freeze("base") if known else model, table, named, richer, against
-            ),
-        )
+        added = addition_to(model, table, named, richer, base.name, freeze=kept)
+        return replace(found, addition=added)
 
 
 @one_blas_thread()
@@ -337,11 +336,21 @@ def find_missing(
     def against(base: StiffnessMap, rows: Prepared = prepared) -> Decision:
         return go_on(begin(base, rows, noise, settings, stages), seed, stages)
 
+    def against_known(of: Model, factor: float = 1.0) -> Decision | None:
+        """Against the model as it was fitted, or as another specimen has it; None without one."""
+        rows = prepare(of, table, effects, settings)
+        known = known_map(of, rows.table, settings.most_base_columns, factor)
+        if known is None:
+            return None
+        found = against(known, rows.beside_known().with_other_specimen())
+        specimen = other_specimen(found) if factor == 1.0 else None
+        if specimen is None:
+            return of_same_specimen(found)
+        return against_known(of_other_specimen(of, specimen), 1.0 + float(specimen.values[0]))
+
     as_fitted: Decision | None = None
-    known = known_map(model, prepared.table, settings.most_base_columns)
-    if known is not None:
-        with suppress(ModelError):  # these rows may be far from all that it was fitted to
-            as_fitted = of_same_specimen(against(known, prepared.beside_known()))
+    with suppress(ModelError):  # these rows may be far from all that it was fitted to
+        as_fitted = against_known(model)
     if as_fitted is not None and is_explained(as_fitted):
         decision = as_fitted
     else:
@@ -350,6 +359,7 @@ def find_missing(
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
         rows, base = prepare(model, table, effects, limits), decision.problem.base
+        rows = rows.beside_known() if isinstance(base, KnownMap) else rows
         again = go_on(begin(base, rows, noise, limits, stages), seed, stages, slow)
         return replace(again, warnings=decision.warnings)
 

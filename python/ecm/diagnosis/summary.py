@@ -213,6 +213,8 @@ def _without_name(document: Mapping[str, Any]) -> str:
     bounded = f" (below {bound:.2g} times the noise)" if bound < np.inf else ""
     refitted = f"fitted again {again}, " if model["refitted"] and again != given else ""
     alike = model.get("neighbours_alike") is not None
+    factor = model.get("scale")
+    times = f", whose wrench is {factor:.3g} times its own" if factor is not None else ""
     weak = "has no name" if _errs_far(model) else "is too weak to be named"
     # Of nothing that is accepted: an effect that the form of the model's own may imitate.
     pairs = "".join(
@@ -220,8 +222,8 @@ def _without_name(document: Mapping[str, Any]) -> str:
     )
     said = {
         "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",
-        "numbers": "no effect, the model's numbers are not those of this body: "
-        f"{errs}, fitted again {again}",
+        "numbers": f"no effect, the model's numbers are not those of this body{times}: {errs}, "
+        f"fitted again {again}",
         "effect": f"what {model['name']} lacks {weak}{pairs}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
         "noise": f"{nothing}, though {errs}{' and neighbouring rows err alike' * alike}{pairs}",

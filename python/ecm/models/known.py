@@ -45,6 +45,8 @@ class KnownMap(MapDefaults):
     """What its fit left of its own rows over their noise, at least 1: so far its form may err."""
     left_out: LeftOut
     """Terms of one degree more, by the rows of its fit."""
+    factor: float = 1.0
+    """Its loads over those that were fitted: of another specimen."""
 
     name = _of_map("name")
     kind = _of_map("kind")
@@ -53,6 +55,11 @@ class KnownMap(MapDefaults):
     actuators = _of_map("actuators")
     length_m = _of_map("length_m")
     error = _of_map("error")
+
+    @property
+    def keeps(self) -> str:
+        """What a refit keeps of it: the `base`, or its `form` up to a factor."""
+        return "base" if self.factor == 1.0 else "form"
 
     @property
     def coefficients(self) -> F:
@@ -99,7 +106,7 @@ class KnownMap(MapDefaults):
         return self.map.document()
 
 
-def known_map(model: Model, table: Table, most: int) -> KnownMap | None:
+def known_map(model: Model, table: Table, most: int, factor: float = 1.0) -> KnownMap | None:
     """Return the base of a model as other rows than these tell it; None where they may be the same.
 
     None, too, where its fit does not say how sure it is, and of more than the most coefficients.
@@ -118,7 +125,7 @@ def known_map(model: Model, table: Table, most: int) -> KnownMap | None:
     left = max(1.0, float(model.training.get("over_noise", 1.0)))
     if left > FAR_BEYOND_NOISE:
         return None
-    return KnownMap(base, covariance * left**2, left, _left_out(model))
+    return KnownMap(base, covariance * left**2, left, _left_out(model), factor)
 
 
 def _left_out(model: Model) -> LeftOut:

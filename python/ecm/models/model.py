@@ -66,7 +66,7 @@ _NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "er
 """Steps of a fit with effects."""
 _ROUNDS = 4
 """Most times that the shapes of several effects are chosen, each beside the others."""
-_SAID_OF_A_FIT = ("misread", "prior", "pose_error", "rows_used", "slow_noise")
+_SAID_OF_A_FIT = ("misread", "form", "prior", "pose_error", "rows_used", "slow_noise")
 """Parts of `training` that have a sentence in the fit report."""
 
 

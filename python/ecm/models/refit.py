@@ -25,12 +25,13 @@ from ecm.models.errors import errors_and_noise, held_out
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
-from ecm.models.joint_fit import joint_fit
+from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
 from ecm.models.registry import parse_model, was_trained_on
+from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import spread_rows, without_zero_readings
 from ecm.regression.noise import Noise, whiteners
@@ -464,7 +465,8 @@ def refit(
     remove
         Ids of effects that it has and shall not have. One alone needs no list.
     freeze
-        Ids of effects whose values are kept. One alone needs no list.
+        Ids of effects whose values are kept; `base` keeps the base, and `form` keeps it up to one
+        factor on its loads, as of another specimen. One alone needs no list.
     force
         Return also a model that `refuse_worse` refuses, as `ecm refit --force` saves it.
     progress
@@ -518,10 +520,18 @@ def _changed(
     with_ceiling: bool = True,
 ) -> Model:
     """Fit a model with effects added, removed or kept."""
+    specimen: FittedEffect | None = None
+    if "form" in freeze:
+        freeze = [*(name for name in freeze if name != "form"), "base"]
+        specimen = specimen_of(model.remove(*remove).add(*add).freeze(*freeze), table)
+        model = of_other_specimen(model, specimen)
     changed = model.remove(*remove).add(*add).freeze(*freeze)
     with naming_outliers(table):
         try:
             fitted = changed.fit(table, with_ceiling=with_ceiling, progress=progress)
+            if specimen is not None:
+                of_form = {"form": {"sentence": said_of(specimen)}}
+                fitted = replace(fitted, training={**fitted.training, **of_form})
         except ModelError as error:
             if not add:
                 raise
@@ -588,7 +598,13 @@ class Addition:
 
 
 def addition_to(
-    model: Model, table: Table, effects: Sequence[Effect], richer: str = "", against: str = ""
+    model: Model,
+    table: Table,
+    effects: Sequence[Effect],
+    richer: str = "",
+    against: str = "",
+    *,
+    freeze: str = "",
 ) -> Addition | None:
     """Add effects to a model as `ecm refit` does, or fit those that it has anew; else None.
 
@@ -605,24 +621,28 @@ def addition_to(
     against
         The base that they were named against: the way where this model cannot take them, or errs
         far beyond the noise on held-out rows and twice as much as that base.
+    freeze
+        What is kept of the base, as `refit` takes it: they were named against the base as it is.
     """
     present = {item.id: item.effect for item in model.effects}
     new = [effect for effect in effects if effect.id not in present]
     if not new:
-        return _fitted_anew(model, table, tuple(effect.id for effect in effects))
+        ids = tuple(effect.id for effect in effects)
+        return _fitted_anew(model, table, ids, (freeze, "") if freeze else ("base", ""))
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
     most = np.inf
     try:
-        found = _changed(model, table, new, (), (), with_ceiling=False)
+        keep = (freeze,) if freeze else ()
+        found = _changed(model, table, new, (), keep, with_ceiling=False)
         first = found.history[-2]
         if first.rows != found.history[-1].rows:  # of the model as it was fitted to others
-            first = model.fit(table, with_ceiling=False).history[-1]
+            first = _changed(model, table, (), (), keep, with_ceiling=False).history[-1]
         most = first.held_out
         # Those whose values change may have stood for what is new: then they are no longer needed.
         with suppress(EcmError, np.linalg.LinAlgError):
-            fewer = _changed(model, table, new, anew, (), with_ceiling=False) if anew else found
+            fewer = _changed(model, table, new, anew, keep, with_ceiling=False) if anew else found
             more, less = found.history[-1], fewer.history[-1]
             if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
@@ -639,7 +659,7 @@ def addition_to(
     known = not found.noise.is_residual
     removed = tuple(item.id for item in model.effects if item.id not in present)
     words = [f"remove {' and '.join(removed)}"] if removed else []
-    frozen = ["--freeze base"] if model.base_frozen else []
+    frozen = [f"--freeze {name}" for name in keep]
     named = *(f"--remove {id}" for id in removed), *(f"--add {id}" for id in ids)
     options = " ".join([*named, *frozen])
     command = Remedy(
@@ -672,15 +692,18 @@ def addition_to(
     )
 
 
-def _fitted_anew(model: Model, table: Table, ids: tuple[str, ...]) -> Addition | None:
-    """Fit a model anew to these rows, its base only where the effects alone do not mend it."""
+def _fitted_anew(
+    model: Model, table: Table, ids: tuple[str, ...], keeping: Sequence[str]
+) -> Addition | None:
+    """Fit a model anew to these rows, all of it only where that which keeps more errs far more."""
     found: tuple[float, Addition] | None = None
-    for kept, options in ((model.freeze("base"), " --freeze base"), (model, "")):
+    for kept in keeping:
         with suppress(EcmError, np.linalg.LinAlgError):
-            again = kept.fit(table, with_ceiling=False)
+            again = _changed(model, table, (), (), [kept] if kept else [], with_ceiling=False)
             refuse_addition(again, table, model)
             before, after = (_error_of(one, table, again.noise) for one in (model, again))
             if is_far_behind(before if found is None else found[0], after):
+                options = f" --freeze {kept}" if kept else ""
                 remedy = Remedy("fit it anew", f"ecm refit MODEL DATA{options} --out OUT")
                 found = after, Addition(ids, None, None, "", remedy)
     return None if found is None else found[1]
