@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ecm.comparison.structure import NEAR_NOISE
 from ecm.errors import ModelError, Remedy
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.events import fields_json
 from ecm.io.table import Table
-from ecm.models.errors import ceiling_rms, held_out
+from ecm.models.errors import NEAR_NOISE, ceiling_rms, held_out
 from ecm.models.fit import symmetric_energy
 from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import StiffnessMap

@@ -25,7 +25,6 @@ from ecm.comparison.residual_maps import (
     residual_section,
 )
 from ecm.comparison.structure import (
-    NEAR_NOISE,
     StructureTest,
     beside_coefficients,
     neighbours_alike,
@@ -38,7 +37,7 @@ from ecm.io.columns import unit_of
 from ecm.io.events import Progress, Steps
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.models.errors import Residuals, residuals
+from ecm.models.errors import NEAR_NOISE, Residuals, residuals
 from ecm.models.evaluation import PoseError, pose_error
 from ecm.models.fit import remedy_of_inputs
 from ecm.models.joint_fit import base_columns

@@ -21,6 +21,7 @@ from ecm.io.arrays import B, F, I, eigh, rms
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
+from ecm.models.errors import NEAR_NOISE
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import repeat_cells
 from ecm.regression.history import order_of_visits, speeds, values_before
@@ -30,8 +31,6 @@ from ecm.regression.slow_noise import deviance_in_time
 
 LEVEL = 0.01
 """Chance of a wrong rejection."""
-NEAR_NOISE = 1.1
-"""An error over the noise that is no more than this says nothing: no noise is known better."""
 _NOTHING = "nothing in it follows the pose, the order or another column"
 _ALIKE, _SURE = 0.2, 5.0
 """Correlation of neighbouring residuals that is said, and how far beyond chance it must be."""

@@ -20,8 +20,7 @@ import numpy as np
 
 from ecm.comparison.comparison import compare
 from ecm.comparison.result import Comparison
-from ecm.comparison.structure import NEAR_NOISE, StructureTest, nothing_follows
-from ecm.diagnosis.other_bases import BETTER
+from ecm.comparison.structure import StructureTest, nothing_follows
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import held_out_rms, kind_of
 from ecm.diagnosis.statements import MENDED_SHARE, WrongStatement, best_of, fit_or_none
@@ -32,7 +31,7 @@ from ecm.io.columns import POSE, WRENCH, unit_of, unit_of_factor
 from ecm.io.conventions import Convention, conventions, in_words, rarer_conventions
 from ecm.io.events import fields_json
 from ecm.io.table import Table
-from ecm.models.errors import held_out
+from ecm.models.errors import NEAR_NOISE, held_out, is_far_less
 from ecm.models.joint_fit import JointFit
 from ecm.models.known import KnownMap
 from ecm.models.literature import LEARNED
@@ -399,10 +398,8 @@ class _Judged:
 
     def is_far_less(self, errors: Errors, than: Errors) -> bool:
         """Whether one leaves far less beyond the noise; by BIC of structure that has no name."""
-        # What is as near to the noise as chance brings it is at it.
-        noise = not self.result.noise.is_residual
-        left, before = (max(one.whitened, NEAR_NOISE) ** 2 - noise for one in (errors, than))
-        if left < BETTER * before:
+        noise = 0.0 if self.result.noise.is_residual else 1.0
+        if is_far_less(errors.whitened, than.whitened, noise):
             return True
         if self.decision.verdict != "none" or not self.result.structure.found:
             return False

@@ -16,7 +16,6 @@ from typing import cast
 
 import numpy as np
 
-from ecm.comparison.structure import NEAR_NOISE
 from ecm.diagnosis.left_over import residual_after
 from ecm.diagnosis.problem import Candidates, Problem, Projection
 from ecm.diagnosis.search import delta_chi2, held_out_rms, kind_of, without
@@ -27,6 +26,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
 from ecm.models.actuated import ActuatedMap
+from ecm.models.errors import BETTER, NEAR_NOISE
 from ecm.models.fit import energy_with, fewer_degrees, fit_base, more_degrees, symmetric_energy
 from ecm.models.joint_fit import FittedEffect, base_columns, unit_products
 from ecm.models.known import KnownMap
@@ -43,8 +43,6 @@ from ecm.regression.rows import Rows, inputs_of
 Against = Callable[[StiffnessMap], Decision]
 """Goes through the stages with the same rows against another base."""
 
-BETTER = 0.3
-"""Share of what is left beyond the noise at which another base is better than the one before."""
 _ROUNDING = 1e-9
 _LESS_SYMMETRY = {
     "revolution": (

@@ -128,6 +128,30 @@ def errors_and_noise(model: EvaluatedModel, table: Table) -> tuple[F, F]:
     return errors, np.sqrt(variance[scored].mean(axis=0))
 
 
+NEAR_NOISE = 1.1
+"""An error over the noise that is no more than this says nothing: no noise is known better."""
+BETTER = 0.3
+"""Share of what is left beyond the noise up to which one model is better than another."""
+
+
+def is_far_less(error: float, than: float, noise: float = 1.0) -> bool:
+    """Whether one of two errors over the noise leaves far less beyond it.
+
+    Parameters
+    ----------
+    noise
+        Its size; 0 where nothing is known of it, and the errors are over what is left.
+
+    Examples
+    --------
+    >>> is_far_less(1.2, 2.0), is_far_less(1.2, 1.4), is_far_less(0.9, 1.05)
+    (True, False, False)
+    """
+    # What is as near to the noise as chance brings it is at it.
+    left, before = (max(one, NEAR_NOISE * noise) ** 2 - noise**2 for one in (error, than))
+    return left < BETTER * before
+
+
 def held_out(fit: JointFit) -> float | None:
     """Error over the noise on each part of the fitted rows, without which it was fitted.
 

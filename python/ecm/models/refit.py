@@ -21,7 +21,7 @@ from ecm.io.arrays import B, F, eigh, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import errors_and_noise, held_out
+from ecm.models.errors import errors_and_noise, held_out, is_far_less
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
@@ -347,28 +347,37 @@ _ROWS_OF_OTHERS = 2000
 """Rows on which other bases are tried first."""
 
 
-def _another_base(fitted: Model, table: Table) -> Remedy:
-    """The command that adds the same effects to a base that holds them, where there is one."""
+def _base_that_holds(
+    fitted: Model, effects: Sequence[Effect], table: Table, most: float
+) -> tuple[str, Remedy] | None:
+    """The first of other bases that holds these effects and errs no more than that, if one does."""
     six = table.has(*POSE, *WRENCH[:3])
-    stated = table.physics_body is not None and six
-    names = ["physics"] if stated else []
+    names = ["physics"] if table.physics_body is not None and six else []
     if six and fitted.known_length_m is not None:
         driven = ["actuated4", "actuated5", "actuated3"]
         names += driven if table.actuation_columns else ["energy6", "energy5", "energy4"]
     names += [f"poly:{degree}" for degree in (3, 2, 1)]
-    before = fitted.history[-2].held_out if len(fitted.history) > 1 else np.inf
-    effects = [item.effect for item in fitted.effects]
     # Most of several bases are refused, which fewer rows show; what they allow is asked of all.
     few = table.subsample(spread_rows(table, _ROWS_OF_OTHERS))
     for name in names:
         if name == fitted.base.name:
             continue
-        found = remedy_with_base(name, effects, few, before)
+        found = remedy_with_base(name, effects, few, most)
         if found is not None and len(few) < len(table):
-            found = remedy_with_base(name, effects, table, before)
+            found = remedy_with_base(name, effects, table, most)
         if found is not None:
-            return found
-    if stated:
+            return name, found
+    return None
+
+
+def _another_base(fitted: Model, table: Table) -> Remedy:
+    """The command that adds the same effects to a base that holds them, where there is one."""
+    before = fitted.history[-2].held_out if len(fitted.history) > 1 else np.inf
+    effects = [item.effect for item in fitted.effects]
+    if (found := _base_that_holds(fitted, effects, table, before)) is not None:
+        return found[1]
+    six = table.has(*POSE, *WRENCH[:3])
+    if table.physics_body is not None and six:
         return Remedy("do without it, or add something else")
     if not six:  # no physics can tell the stiffness
         return Remedy(
@@ -627,8 +636,27 @@ def addition_to(
     present = {item.id: item.effect for item in model.effects}
     new = [effect for effect in effects if effect.id not in present]
     if not new:
-        ids = tuple(effect.id for effect in effects)
-        return _fitted_anew(model, table, ids, (freeze, "") if freeze else ("base", ""))
+        return _fitted_anew(model, table, effects, freeze or "base")
+    found = _added(model, table, new, effects, richer, against, freeze)
+    if found.refused and not was_trained_on(model.training, table):
+        # A base of these rows alone may hold less, or have no need of what its kept values have.
+        kept = found if freeze else _added(model, table, new, effects, richer, against, "base")
+        again = _fitted_anew(model, table, effects, freeze or "base") if kept.refused else kept
+        return again or found
+    return found
+
+
+def _added(
+    model: Model,
+    table: Table,
+    new: Sequence[Effect],
+    effects: Sequence[Effect],
+    richer: str,
+    against: str,
+    freeze: str,
+) -> Addition:
+    """What `addition_to` says of effects of which some are new to the model, with one way to it."""
+    present = {item.id: item.effect for item in model.effects}
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
@@ -670,12 +698,12 @@ def addition_to(
     other, most = (against, after / _TIMES) if far else (richer, after)
     every = [*present.values(), *new]
     better = remedy_with_base(other, every, table, most) if other else None
+    if far and better is None and freeze == "":
+        other, better = _base_that_holds(found, every, table, most) or (other, None)
     held = "prior" in found.training  # near the physics: its coefficients are no free ones
     no_less = after >= before or (not held and last.bic_fall(first) <= 0.0)
     if known and stands <= (most if better else after):
-        errs = (
-            f"as it stands it errs {stands:.3g} times the noise on these rows, not fitted to them"
-        )
+        errs = f"here it errs {stands:.3g} times the noise as it stands, fitted to these rows alone"
         return Addition(ids, before, after, errs, None)
     if known and not better and no_less and against not in ("", model.name):
         # It may hold already what the base lacks that they were named against.
@@ -693,18 +721,19 @@ def addition_to(
 
 
 def _fitted_anew(
-    model: Model, table: Table, ids: tuple[str, ...], keeping: Sequence[str]
+    model: Model, table: Table, effects: Sequence[Effect], keep: str
 ) -> Addition | None:
-    """Fit a model anew to these rows, all of it only where that which keeps more errs far more."""
+    """Fit a model anew to these rows, also its base only where keeping it leaves far more."""
     found: tuple[float, Addition] | None = None
-    for kept in keeping:
+    for kept in (keep, ""):
         with suppress(EcmError, np.linalg.LinAlgError):
             again = _changed(model, table, (), (), [kept] if kept else [], with_ceiling=False)
             refuse_addition(again, table, model)
-            before, after = (_error_of(one, table, again.noise) for one in (model, again))
-            if is_far_behind(before if found is None else found[0], after):
+            after, before = again.history[-1].held_out, _error_of(model, table, again.noise)
+            if is_far_less(after, before if found is None else found[0]):
                 options = f" --freeze {kept}" if kept else ""
                 remedy = Remedy("fit it anew", f"ecm refit MODEL DATA{options} --out OUT")
+                ids = tuple(effect.id for effect in effects)
                 found = after, Addition(ids, None, None, "", remedy)
     return None if found is None else found[1]
 
