@@ -90,9 +90,10 @@ class Prepared:
     misread: WrongConvention | None = None
     """What looks wrong with the signs or the columns of the rows as they were given."""
 
-    def beside_known(self) -> Prepared:
-        """The same beside a base that is known."""
-        return replace(self, effects=tuple(one.beside_base(known=True) for one in self.effects))
+    def beside_known(self, model: Model) -> Prepared:
+        """The same beside the base of a model as it was fitted to other rows."""
+        effects = tuple(effect.beside_base(model.means) for effect in self.effects)
+        return replace(self, effects=effects)
 
     def with_other_specimen(self) -> Prepared:
         """The same with another specimen among the effects: of the same one it is not named."""
@@ -129,6 +130,7 @@ def prepare(
     distinct = distinct_rows(table.select(rows))
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
+    model.refuse_left_out(table)
     unexplained = without_effects(model.effects, model.rows_of(table))
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)

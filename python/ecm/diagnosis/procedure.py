@@ -342,7 +342,7 @@ def find_missing(
         known = known_map(of, rows.table, settings.most_base_columns, factor)
         if known is None:
             return None
-        found = against(known, rows.beside_known().with_other_specimen())
+        found = against(known, rows.beside_known(of).with_other_specimen())
         specimen = other_specimen(found) if factor == 1.0 else None
         if specimen is None:
             return of_same_specimen(found)
@@ -359,7 +359,7 @@ def find_missing(
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
         rows, base = prepare(model, table, effects, limits), decision.problem.base
-        rows = rows.beside_known() if isinstance(base, KnownMap) else rows
+        rows = rows.beside_known(model) if isinstance(base, KnownMap) else rows
         again = go_on(begin(base, rows, noise, limits, stages), seed, stages, slow)
         return replace(again, warnings=decision.warnings)
 
@@ -400,7 +400,9 @@ def _with_family(decision: Decision, describe: Describe) -> Decision:
         effects = accepted.effects if family is None else ()
         unknown = describe(problem, effects, decision.gate.structure)
     if family is None:
-        if chances.of_pose >= SURE and not set(unknown.variables) <= set(problem.base.inputs):
+        of_something = 1.0 - chances.of_nothing  # that it is there is said
+        sure = chances.of_pose >= SURE * of_something
+        if sure and not set(unknown.variables) <= set(problem.base.inputs):
             words = f"what follows the pose alone, in a form that {problem.base.name} lacks"
             unknown = replace(unknown, words=words, variables=("pose",), nearest=None, template="")
         return replace(decision, unknown=unknown)

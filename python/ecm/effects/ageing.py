@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -96,16 +97,20 @@ class OfTemperature(LinearEffect):
     reference_degC: float | None = optional(None)
     """Temperature at which the correction is zero; None: the mean of the table."""
 
-    def beside_base(self, known: bool) -> Effect:
+    def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same; without a reference where the base, which holds there, is open as well."""
-        return self if known else replace(self, reference_degC=None)
+        return replace(self, reference_degC=None) if known is None else super().beside_base(known)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Referred to the mean temperature of the table, where it has no reference yet."""
+        """Referred to the temperature of a known base, else to the mean of the table.
+
+        One that has a reference keeps it.
+        """
         if self.reference_degC is not None:
             return (self,)
-        mean = round(float(table.column("temperature_degC").mean()), 3)
-        return (replace(self, reference_degC=mean),)
+        own = float(table.column("temperature_degC").mean())
+        mean = self.base_means.get("temperature_degC", own)
+        return (replace(self, reference_degC=round(mean, 3)),)
 
     def columns(self, rows: Rows) -> F:
         """(T - T0), or what is made of it, times that of one kelvin."""

@@ -329,6 +329,7 @@ class UnusedColumn(LinearEffect):
         dampings = _dampings(table)
         for name in (self.column,) if self.column else varying_columns(table):
             mean, *others = _zeros(table, name)
+            mean = self.base_means.get(name, mean)
             for lag in (0.0, *_lags(table)):
                 made += [
                     UnusedColumn(name, mean, "adds", wrench, lag),

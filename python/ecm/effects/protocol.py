@@ -12,6 +12,7 @@ happened between two of them: `correction_of` and `jacobian_of` compute it on th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -245,6 +246,8 @@ class Effect:
     """Causes outside the catalogue that look the same, and what would tell them apart."""
     shapes: tuple[tuple[float | str, ...], ...] = ()
     """Shapes worth trying on any table, as arguments of the class; empty: this one alone."""
+    base_means: Mapping[str, float] = MappingProxyType({})
+    """Means of columns where a known base was fitted; empty where it is fitted to the same rows."""
 
     @property
     def acts_after_s(self) -> float | None:
@@ -273,9 +276,16 @@ class Effect:
         form_of: Any = type(self)
         return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
-    def beside_base(self, known: bool) -> Effect:
-        """The same beside a base that is known, or fitted with it; here no other one."""
-        return self
+    def beside_base(self, known: Mapping[str, float] | None) -> Effect:
+        """The same beside a base that is known, with the means of its fit, or that is fitted too.
+
+        The means are of columns beside the pose: what follows one does nothing to that base there.
+        """
+        if not known:
+            return self
+        beside: Effect = copy(self)
+        beside.base_means = known
+        return beside
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shapes on both sides of this one, nearer with each round from 0; here none."""

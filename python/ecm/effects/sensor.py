@@ -9,6 +9,7 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -151,9 +152,9 @@ class FtsOffset(FromAMoment, CourseEffect):
         elif self.first_run is not None:
             self.physics = "The sensor has another zero from one run on: a constant in its axes."
 
-    def beside_base(self, known: bool) -> Effect:
+    def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same; of single columns a known base tells it, which has its constant term."""
-        if not known or self.outputs is None:
+        if known is None or self.outputs is None:
             return self
         told = FtsOffset(first_run=-1.0, outputs=self.outputs)
         told.requires = ()

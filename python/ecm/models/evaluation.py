@@ -141,12 +141,8 @@ class EvaluatedModel:
         whole, places = self._whole
         rows = whole.rows_of(table)
         lacking = whole.left_out(table)
-        for id, why in lacking.items():
-            if not skip_untestable:
-                raise InputError(
-                    f"{table.source}: effect {id} cannot be predicted here, "
-                    f"{why.reason}; record {why.record}, or remove the effect"
-                )
+        if not skip_untestable:
+            whole.refuse_left_out(table)
         acting = [item for item in self.effects if item.id not in lacking]
         found = whole._with_corrections(rows.sensor_load, rows, acting)
         return np.ascontiguousarray(found[:, places])
@@ -296,6 +292,14 @@ class EvaluatedModel:
         lacking = {item.id: item.effect.missing(filled) for item in self.effects}
         return {id: why for id, why in lacking.items() if why is not None and why.absent}
 
+    def refuse_left_out(self, table: Table) -> None:
+        """Refuse a table that lacks the columns of an effect."""
+        for id, why in self.left_out(table).items():
+            raise InputError(
+                f"{table.source}: effect {id} cannot be predicted here, {why.reason}; record "
+                f"{why.record}, or remove the effect"
+            )
+
     @property
     def followed(self) -> dict[str, str]:
         """The column that an effect needs beside pose and wrench, by id, where it is just one.
@@ -440,6 +444,12 @@ class EvaluatedModel:
         """What effects took of all rows of the fit; older files hold the mean stiffness alone."""
         old = {name: self.training[name] for name in ("mean_stiffness",) if name in self.training}
         return {"clock_s": 0.0, **old, **self.training.get("of_fit", {})}
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Means of `conditions` over the rows of the base's fit; of older files the middle."""
+        middle = {name: 0.5 * (low + high) for name, (low, high) in self.conditions.items()}
+        return {**middle, **self.training.get("means", {})}
 
 
 def on_what_is_measured(model: ModelT, table: Table) -> ModelT:

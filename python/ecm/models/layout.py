@@ -239,7 +239,7 @@ def _training(n: int, m: int, taken: int) -> Layout:
         **dict.fromkeys(("rows", "largest_leverage"), or_null(_ERROR)),
         **dict.fromkeys(("over_noise", "residual_variance"), _ERROR),
         **dict.fromkeys(("hash", "source"), or_null(text)),
-        **dict.fromkeys(("effect_sizes", "effect_shares"), named(number())),
+        **dict.fromkeys(("effect_sizes", "effect_shares", "means"), named(number())),
         **dict.fromkeys(("pose_error", "rows_used", "form", "prior", "slow_noise"), sentence),
         "poses": _either(array(None, n), array(None, taken)),
         "smallest_taken": flag,

@@ -534,6 +534,8 @@ class Model(Shown, EvaluatedModel):
         described = registry.fitted_to(table, self.inputs)
         training = described["training"]
         training["poses"] = sample_of(table, taken_by(self.base))
+        if freeze_base:
+            training["means"] = self.means
         same_rows = was_trained_on(self.training, table)
         if len(table) > most_rows:
             total, table = len(table), table.subsample(spread_rows(table, most_rows))
@@ -632,7 +634,7 @@ class Model(Shown, EvaluatedModel):
                 continue
             names, known = (*self.inputs, *self.outputs), whole.meta.length_m is not None
             (form,) = effects_for(names, (item.effect,), length_known=known)
-            form = form.beside_base(self.base_frozen)
+            form = form.beside_base(self.means if self.base_frozen else None)
             lacking = form.missing(whole) or missing_beside_columns(form, whole)
             if lacking is not None:
                 raise InputError(

@@ -216,8 +216,9 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
     """What these rows cannot tell of a base and the effect that was added to it.
 
     An effect that is one with coefficients of the base, of which the fit takes the smallest: zero.
-    A parameter at its bound that is one with a coefficient of the base. A stiffness at rest that
-    has left the interval that the rows gave it without the effect, although they do not determine
+    A parameter at its bound that is one with a coefficient of the base, or of an effect of which
+    none is known and one is one with that of another effect. A stiffness at rest that has left the
+    interval that the rows gave it without the effect, although they do not determine
     it with the effect; one that was positive and is not any more.
     """
     fitted, before = on_what_is_measured(fitted, table), on_what_is_measured(before, table)
@@ -238,7 +239,16 @@ def undetermined(fitted: Model, table: Table, before: Model) -> list[str]:
         for other, name, r in fitted.correlations
         if name in bounds and other not in of_effects and abs(r) > _ONE_COLUMN
     ]
-    return alone + reasons[:1] + _stiffness_moves(fitted, table.measured(), before)
+    free = [item for item in fitted.effects if not item.frozen]
+    unsure = {item.id for item in free if np.all(np.abs(item.values) < _SD * item.sd)}
+    pairs = [
+        f"{name} is not known and one with {other} ({r:+.3f})"
+        for pair in fitted.correlations
+        for (name, other), r in ((pair[:2], pair[2]), (pair[1::-1], pair[2]))
+        if {name, other} <= of_effects and abs(r) > _ONE_COLUMN
+        if fitted.params[name].effect in unsure - {fitted.params[other].effect}
+    ]
+    return alone + reasons[:1] + pairs[:1] + _stiffness_moves(fitted, table.measured(), before)
 
 
 def _stiffness_moves(fitted: Model, table: Table, before: Model) -> list[str]:

@@ -166,8 +166,9 @@ def fitted_to(table: Table, inputs: Sequence[str]) -> dict[str, Any]:
     names = dict.fromkeys((*CONDITIONS, *measured.covariates))
     there = {name: measured.column(name) for name in names if measured.has(name)}
     known = {name: values[np.isfinite(values)] for name, values in there.items()}
+    means = {name: float(values.mean()) for name, values in known.items() if len(values)}
     return {
-        "training": training_of(table),
+        "training": {**training_of(table), "means": means},
         "domain": {name: _range(measured.column(name)) for name in inputs},
         "conditions": {name: _range(values) for name, values in known.items() if len(values)},
         "scene": table.meta.scene,
