@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose, find_missing, statements
+from ecm.diagnosis import Diagnosis, diagnose, find_missing, given_model, statements
 from ecm.diagnosis.given_model import _Judged
 from ecm.diagnosis.settings import DEFAULTS
 from ecm.diagnosis.summary import Summary
@@ -95,7 +95,10 @@ def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) ->
     """The fit that was to be made again had been made: 1.18 times the noise, again 1.2 times."""
     judged = _Judged.__new__(_Judged)
     known = {
-        "decision": SimpleNamespace(unknown=None, verdict="none"),
+        "decision": SimpleNamespace(
+            unknown=None, verdict="none", prepared=SimpleNamespace(table=None)
+        ),
+        "model": None,
         "result": SimpleNamespace(
             unused_inputs=(), missing=True, is_as_known=False, excess_low=0.1,
             neighbours_alike=None, structure=SimpleNamespace(found=True),
@@ -106,6 +109,7 @@ def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) ->
         "is_form_of_base": True, "known": None,
     }  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(given_model, "has_rows_of_fit", lambda *_: True)
         for name, value in known.items():
             patch.setattr(_Judged, name, value, raising=False)
         assert judged.answer == answer

@@ -33,7 +33,7 @@ from ecm.io.events import fields_json
 from ecm.io.table import Table
 from ecm.models.errors import NEAR_NOISE, held_out, is_far_less
 from ecm.models.joint_fit import JointFit
-from ecm.models.known import KnownMap
+from ecm.models.known import KnownMap, has_rows_of_fit
 from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
@@ -126,8 +126,8 @@ _FAR = 2.0
 """A reading, or a model without inputs, may leave so many times the error of a fitted base."""
 _OF_ITS_OWN = 1.5
 """A reading may leave so many times the error of the model on the rows that it was fitted to."""
-_ROUNDING = 1e-6
-"""An error of so many times the noise is nothing."""
+_ROUNDING = 1e-9
+"""An error of so many times that of the model as it stands is nothing."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -391,20 +391,26 @@ class _Judged:
         again = self.refitted if self.known is None else None
         if again is not None and self.is_far_less(again, least):
             best, least = "numbers", again
+        elif again is not None and has_rows_of_fit(self.model, self.decision.prepared.table):
+            least = again  # of rows that it was not fitted to, as the base
         if self.is_form_of_base or self.is_base:
             return best
-        other = self.base_of_all_rows
+        # Of other columns rows are weighed as they are.
+        other = self.base_of_all_rows if self.is_alike else self.base
         return "form" if other is not None and self.is_far_less(other, least) else best
 
     def is_far_less(self, errors: Errors, than: Errors) -> bool:
         """Whether one leaves far less beyond the noise; by BIC of structure that has no name."""
         noise = 0.0 if self.result.noise.is_residual else 1.0
-        if is_far_less(errors.whitened, than.whitened, noise):
+        left, before = (
+            max(one.whitened, _ROUNDING * self.given.whitened) for one in (errors, than)
+        )
+        if is_far_less(left, before, noise):
             return True
         if self.decision.verdict != "none" or not self.result.structure.found:
             return False
         size, alike = self.problem.size, self.result.neighbours_alike or 0.0
-        fall = 2.0 * math.log(max(than.whitened, _ROUNDING) / max(errors.whitened, _ROUNDING))
+        fall = 2.0 * math.log(max(before, 1e-300) / max(left, 1e-300))
         return fall * size * (1.0 - alike) / (1.0 + alike) > self.problem.settings.least_bic
 
     @cached_property

@@ -106,6 +106,16 @@ class KnownMap(MapDefaults):
         return self.map.document()
 
 
+def has_rows_of_fit(model: Model, table: Table) -> bool:
+    """Whether rows of a table may be those that a model was fitted to; True where it is not told.
+
+    Also with other columns or rows beside them.
+    """
+    of_fit = set(map(tuple, model.training.get("poses", ())))
+    here = map(tuple, rounded(table.matrix(taken_by(model.base))))
+    return len(of_fit.intersection(here)) >= _SAME * len(of_fit)
+
+
 def known_map(model: Model, table: Table, most: int, factor: float = 1.0) -> KnownMap | None:
     """Return the base of a model as other rows than these tell it; None where they may be the same.
 
@@ -116,11 +126,7 @@ def known_map(model: Model, table: Table, most: int, factor: float = 1.0) -> Kno
     base, covariance = model.base, model.covariance
     if covariance is None or model.noise.is_assumed or not 0 < len(base.coefficients) <= most:
         return None
-    of_fit = set(map(tuple, model.training.get("poses", ())))
-    here = map(tuple, rounded(table.matrix(taken_by(base))))
-    if len(of_fit.intersection(here)) >= _SAME * len(of_fit):
-        return None
-    if base.kind in (*LEARNED, "physics"):
+    if has_rows_of_fit(model, table) or base.kind in (*LEARNED, "physics"):
         return None
     left = max(1.0, float(model.training.get("over_noise", 1.0)))
     if left > FAR_BEYOND_NOISE:

@@ -179,10 +179,7 @@ def refuse_addition(fitted: Model, table: Table, before: Model) -> None:
             f"noise, {fitted.history[-1].held_out / better[1]:.3g} times as much as {better[0]} "
             "without any effect: what is missing is a better base"
             + "".join(f"; {reason}" for reason in reasons),
-            remedy=Remedy(
-                "change the model first, and diagnose that",
-                f"ecm fit DATA --model {better[0]} --out OUT",
-            ),
+            remedy=remedy_with_base(better[0], (), table) or CHOOSE,
         )
     if reasons:
         raise ComputationError(
