@@ -60,10 +60,55 @@ def test_what_the_model_holds_has_grown(yesterday: Model) -> None:
     assert "a change of what the model holds of it" in found.summary().missing
 
 
-def test_another_specimen_is_no_effect(yesterday: Model) -> None:
-    found = ecm.diagnose(yesterday, day(3, factor=1.1))
+@pytest.mark.parametrize("rows", [20, 60])
+def test_another_specimen_is_no_effect(yesterday: Model, rows: int) -> None:
+    """Twenty rows are too few for a base of their own, and enough for one factor."""
+    today, tomorrow = day(3, rows, factor=1.1), day(8, factor=1.1)
+    found = ecm.diagnose(yesterday, today)
     assert (found.answer, found.model.answer, found.model.as_fitted) == ((), "numbers", True)
     assert found.model.scale == pytest.approx(1.1, abs=0.01)
+    assert "whose wrench is 1.1 times its own" in found.summary().missing
+    assert found.summary().add == 'better = ecm.refit(model, table, freeze="form")'
+    better = ecm.refit(yesterday, today, freeze="form")
+    assert "its loads times 1.1" in better.fit_report()
+    assert ecm.compare(better, tomorrow).whitened_rms < 1.2
+    assert ecm.compare(yesterday, tomorrow).whitened_rms > 3.0
+
+
+def test_a_mass_on_another_specimen(yesterday: Model) -> None:
+    today, tomorrow = day(3, mass_kg=1.5, factor=1.1), day(8, mass_kg=1.5, factor=1.1)
+    found = ecm.diagnose(yesterday, today)
+    assert any("payload" in members for members in found.answer), found.summary()
+    assert found.model.scale == pytest.approx(1.1, abs=0.01)
+    assert 'freeze="form"' in found.summary().add
+    better = ecm.refit(yesterday, today, add="payload", freeze="form")
+    assert better.params["payload.mass"].value == pytest.approx(1.5, abs=0.1)
+    assert ecm.compare(better, tomorrow).whitened_rms < 1.3
+
+
+def warm(table: Table, mean_degC: float) -> Table:
+    """The rows at temperatures about a mean, of a rubber that loses 1 % of its load a kelvin."""
+    over = 2.0 * np.sin(np.arange(len(table))) + mean_degC - 22.0
+    left = table.wrenches - 0.01 * over[:, None] * wrench(table.poses)
+    softer = dict(zip(WRENCH, left.T, strict=True))
+    return table.with_columns({"temperature_degC": 22.0 + over} | softer)
+
+
+def test_a_warmer_day_is_no_softer_specimen() -> None:
+    """The base holds at the temperature of its fit, not at the mean of these rows."""
+    first, second, third = warm(day(0, 80), 22.0), warm(day(1), 30.0), warm(day(2), 26.0)
+    model = ecm.fit(first, "energy4")
+    found = ecm.diagnose(model, second)
+    assert any("temperature_modulus" in members for members in found.answer), found.summary()
+    better = ecm.refit(model, second, add="temperature_modulus", freeze="base")
+    (effect,) = better.effects
+    assert effect.effect.shape["reference_degC"] == pytest.approx(22.0, abs=0.1)
+    as_cold = ecm.compare(model, warm(day(2), 22.0)).whitened_rms
+    assert ecm.compare(better, third).whitened_rms < 1.2 * as_cold
+    assert ecm.compare(model, third).whitened_rms > 2.0 * as_cold
+    # The kept base holds there in a later refit, too.
+    again = ecm.refit(better, third)
+    assert again.effects[0].effect.shape["reference_degC"] == effect.effect.shape["reference_degC"]
 
 
 def test_nothing_is_new(yesterday: Model) -> None:

@@ -422,7 +422,8 @@ def refit(
     remove : EFFECT
         Effect to remove; repeatable.
     freeze : NAME
-        Keep the numbers of this effect, or of the base.
+        Keep the numbers of this effect, of the base, or with `form` those of the base up to one
+        factor on its loads, as of another specimen.
     force
         Save also a model that is worse than before.
     """

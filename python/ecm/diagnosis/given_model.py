@@ -285,6 +285,8 @@ class GivenModel:
             )
         else:
             cause = "Another specimen, scale or frame: fit it again."
+            if self.as_fitted:
+                cause = "Another specimen of this form, an older or a warmer one, or another scale."
             if unit:
                 cause += f" Or a unit is wrong ({unit}): mend it in the data."
         return f", the wrench is {self.scale:.3g} times its own. {cause}"
