@@ -162,8 +162,7 @@ def test_what_add_it_says_is_done_until_nothing_is_left_to_add(law: str, start: 
         model = named["model"] = named["better"]
         assert isinstance(model, ecm.Model)
         found = ecm.diagnose(model, table)
-        line, weak = found.summary().add.split("   (")[0], "too weak" in found.summary().missing
-        assert not (weak and (found.model.as_given.over_noise or 0.0) > 2.0)
+        line = found.summary().add.split("   (")[0]
         if not line.startswith("better = "):
             break
         exec(line, named)

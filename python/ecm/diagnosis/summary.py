@@ -215,7 +215,6 @@ def _without_name(document: Mapping[str, Any]) -> str:
     alike = model.get("neighbours_alike") is not None
     factor = model.get("scale")
     times = f", whose wrench is {factor:.3g} times its own" if factor is not None else ""
-    weak = "has no name" if _errs_far(model) else "is too weak to be named"
     # Of nothing that is accepted: an effect that the form of the model's own may imitate.
     pairs = "".join(
         f" ({pair})" for one in document["next_experiment"] for pair in one["separates"]
@@ -224,7 +223,6 @@ def _without_name(document: Mapping[str, Any]) -> str:
         "form": f"no effect, a better form of the model: {errs}, {refitted}{model['base']} {base}",
         "numbers": f"no effect, the model's numbers are not those of this body{times}: {errs}, "
         f"fitted again {again}",
-        "effect": f"what {model['name']} lacks {weak}{pairs}: it errs {given}",
         "table": f"no effect, the table looks misread: {model.get('statement', {}).get('what')}",
         "noise": f"{nothing}, though {errs}{' and neighbouring rows err alike' * alike}{pairs}",
         "rows": f"no effect, some rows are unlike all others: {errs}, {model['base']} {base} where "
@@ -370,8 +368,6 @@ def _next(document: Mapping[str, Any]) -> Iterator[str]:
         if far:
             errs = f"{model['base']} errs {before:.2g} times the noise"
             yield f"measure more: on held-out rows {errs}"
-    if document["verdict"] == "none" and model["answer"] == "effect":
-        yield "measure more poses, each of them twice: what is missing is too weak for these rows"
     if document["noise"]["source"] == "assumed":
         yield "measure a part twice: the noise is only assumed"
     if by_length and not whole:  # of some axes it brings one effect or two
