@@ -78,6 +78,14 @@ def test_noise_that_was_stated_too_small_is_called_so() -> None:
     assert "that noise is likely too small" in found.sentence()
 
 
+def test_an_error_of_few_rows_is_no_noise_that_was_stated_too_small() -> None:
+    """A stop that four rows touch: all others err as the noise does."""
+    found = said(log(lambda time, angle: 9.0 * np.isin(np.arange(1500), [200, 617, 930, 1311])))
+    assert found.whitened_rms > 10.0
+    assert "too small" not in found.sentence()
+    assert "--report lists the worst" in found.sentence()
+
+
 def test_noise_that_is_not_known_has_no_floor() -> None:
     x = np.linspace(-1.0, 1.0, 30)
     table = ecm.Table({"x_m": x, "fx_N": 3.0 * x + 0.4 * np.sin(40.0 * x)})

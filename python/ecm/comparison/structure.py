@@ -22,6 +22,7 @@ from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
 from ecm.io.settings import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.table import Table
 from ecm.models.errors import NEAR_NOISE
+from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.regression.f_test import Beside, explained_by_span, lack_of_fit
 from ecm.regression.folds import repeat_cells
 from ecm.regression.history import order_of_visits, speeds, values_before
@@ -208,10 +209,10 @@ def nothing_follows(over_noise: float, alike: float | None) -> str:
         )
     if over_noise <= NEAR_NOISE:
         return f"and {_NOTHING}"
-    return (
-        f"but {_NOTHING}: that noise is likely too small, or these rows are too few to show what "
-        "is missing"
-    )
+    why = "that noise is likely too small"
+    if over_noise > 2.0 * FAR_BEYOND_NOISE:
+        why = "a few rows may hold most of it (--report lists the worst)"
+    return f"but {_NOTHING}: {why}, or these rows are too few to show what is missing"
 
 
 def neighbours_alike(table: Table, rows: I, whitened: F) -> float | None:
