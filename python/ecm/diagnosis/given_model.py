@@ -33,9 +33,10 @@ from ecm.io.events import fields_json
 from ecm.io.table import Table
 from ecm.models.errors import NEAR_NOISE, held_out, is_far_less
 from ecm.models.joint_fit import JointFit
-from ecm.models.known import KnownMap, has_rows_of_fit
+from ecm.models.known import KnownMap
 from ecm.models.literature import LEARNED
 from ecm.models.maps import StiffnessMap
+from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.refit import FAR_BEYOND_NOISE, remedy_with_base

@@ -13,18 +13,14 @@ from ecm.io.arrays import F, eigh
 from ecm.models.left_out import LeftOut
 from ecm.models.literature import LEARNED
 from ecm.models.maps import MapDefaults, StiffnessMap
-from ecm.models.measured_poses import rounded
+from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.regression.noise import whiteners
-from ecm.regression.rows import taken_by
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.model import Model
 
-_SAME = 0.1
-"""Share of the poses of the fit from which on rows with the same ones may be the rows of the fit:
-of a later campaign only those at rest come again to the last digit."""
 _UNSEEN = 1e-12
 """Share of the largest variance of a direction below which its coefficients are known exactly."""
 
@@ -104,16 +100,6 @@ class KnownMap(MapDefaults):
     def document(self) -> dict[str, Any]:
         """That of the map."""
         return self.map.document()
-
-
-def has_rows_of_fit(model: Model, table: Table) -> bool:
-    """Whether rows of a table may be those that a model was fitted to; True where it is not told.
-
-    Also with other columns or rows beside them.
-    """
-    of_fit = set(map(tuple, model.training.get("poses", ())))
-    here = map(tuple, rounded(table.matrix(taken_by(model.base))))
-    return len(of_fit.intersection(here)) >= _SAME * len(of_fit)
 
 
 def known_map(model: Model, table: Table, most: int, factor: float = 1.0) -> KnownMap | None:

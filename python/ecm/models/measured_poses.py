@@ -36,6 +36,9 @@ from ecm.regression.rows import is_whole, taken_by
 
 _MOST_STORED = 200
 """Poses that a model file holds, beside those at the ends of each coordinate."""
+_SAME = 0.1
+"""Share of the poses of the fit from which on rows with the same ones may be the rows of the fit:
+of a later campaign only those at rest come again to the last digit."""
 _MOST_LOAD = 1.2
 """Force and torque of a mix of poses over the largest at a measured one."""
 _NEIGHBOURS = 6
@@ -82,10 +85,20 @@ def sample_of(table: Table, inputs: Sequence[str]) -> list[list[float]]:
                 (x[outside] - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300), axis=1
             )
             chosen = np.union1d(chosen, outside[np.argsort(-away)[:10]])
-    return rounded(poses[chosen])
+    return _rounded(poses[chosen])
 
 
-def rounded(poses: F) -> list[list[float]]:
+def has_rows_of_fit(model: EvaluatedModel, table: Table) -> bool:
+    """Whether rows of a table may be those that a model was fitted to; True where it is not told.
+
+    Also with other columns or rows beside them.
+    """
+    of_fit = set(map(tuple, model.training.get("poses", ())))
+    here = map(tuple, _rounded(table.matrix(taken_by(model.base))))
+    return len(of_fit.intersection(here)) >= _SAME * len(of_fit)
+
+
+def _rounded(poses: F) -> list[list[float]]:
     """Eight digits, 10 nm of a neck: far below what any sensor tells."""
     return [[float(f"{x:.8g}") for x in pose] for pose in poses]
 

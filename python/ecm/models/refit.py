@@ -27,10 +27,11 @@ from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unu
 from ecm.models.fit_summary import quick_shares
 from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
+from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_prior
-from ecm.models.registry import parse_model, was_trained_on
+from ecm.models.registry import parse_model
 from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import spread_rows, without_zero_readings
@@ -640,14 +641,12 @@ def addition_to(
     freeze
         What is kept of the base, as `refit` takes it: they were named against the base as it is.
     """
-    present = {item.id: item.effect for item in model.effects}
-    new = [effect for effect in effects if effect.id not in present]
-    if not new:
+    if {effect.id for effect in effects} <= {item.id for item in model.effects}:
         return _fitted_anew(model, table, effects, freeze or "base")
-    found = _added(model, table, new, effects, richer, against, freeze)
-    if found.refused and not was_trained_on(model.training, table):
+    found = _added(model, table, effects, richer, against, freeze)
+    if found.refused and not has_rows_of_fit(model, table):
         # A base of these rows alone may hold less, or have no need of what its kept values have.
-        kept = found if freeze else _added(model, table, new, effects, richer, against, "base")
+        kept = found if freeze else _added(model, table, effects, richer, against, "base")
         again = _fitted_anew(model, table, effects, freeze or "base") if kept.refused else kept
         return again or found
     return found
@@ -656,7 +655,6 @@ def addition_to(
 def _added(
     model: Model,
     table: Table,
-    new: Sequence[Effect],
     effects: Sequence[Effect],
     richer: str,
     against: str,
@@ -664,6 +662,7 @@ def _added(
 ) -> Addition:
     """What `addition_to` says of effects of which some are new to the model, with one way to it."""
     present = {item.id: item.effect for item in model.effects}
+    new = [effect for effect in effects if effect.id not in present]
     free = {item.id for item in model.effects if not item.frozen}
     ids, anew = tuple(effect.id for effect in new), [e.id for e in effects if e.id in free]
     table = table.subsample(spread_rows(table, MANY_ROWS))  # those that every fit here would choose
@@ -682,7 +681,7 @@ def _added(
             if more.bic_fall(less) <= 0.0 or more.held_out >= less.held_out:
                 found, present = fewer, {id: e for id, e in present.items() if id not in anew}
         refuse_addition(found, table, model)
-        own = was_trained_on(model.training, table)
+        own = has_rows_of_fit(model, table)
         stands = np.inf if own else _error_of(model, table, found.noise)
     except (EcmError, np.linalg.LinAlgError) as error:
         said, way = getattr(error, "message", str(error)), None
