@@ -106,7 +106,7 @@ def test_numbers_that_no_fit_betters_are_not_wrong(again: float, answer: str) ->
         ),
         "problem": SimpleNamespace(size=600, settings=DEFAULTS, outlying_rows=()),
         "given": SimpleNamespace(whitened=1.18), "refitted": SimpleNamespace(whitened=again),
-        "is_form_of_base": True, "known": None,
+        "is_form_of_base": True, "known": None, "lacks_inputs": False,
     }  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(given_model, "has_rows_of_fit", lambda *_: True)

@@ -287,7 +287,9 @@ class GivenModel:
         else:
             cause = "Another specimen, scale or frame: fit it again."
             if self.as_fitted:
-                cause = "Another specimen of this form, an older or a warmer one, or another scale."
+                cause = (
+                    "Another specimen of this form, one that is older or warm, or another scale."
+                )
             if unit:
                 cause += f" Or a unit is wrong ({unit}): mend it in the data."
         return f", the wrench is {self.scale:.3g} times its own. {cause}"
@@ -368,9 +370,10 @@ class _Judged:
         unknown = self.decision.unknown
         if unknown is not None and unknown.slow_noise is not None:
             return "fits"
-        if self.best == "form" and self.result.unused_inputs:
+        if self.lacks_inputs:
             return "inputs"
-        if self.decision.verdict != "none" and self.best != "form":
+        lacks = self.is_form_of_base or self.errs or self.result.missing
+        if self.decision.verdict != "none" and lacks and self.best != "form":
             return "effect"
         if self.reason == "rows":
             return "numbers"
@@ -485,6 +488,12 @@ class _Judged:
     def refitted(self) -> Errors | None:
         """Errors of its kind fitted to the rows."""
         return self.base if self.is_base else self.of_fit(self.fits[0])
+
+    @property
+    def lacks_inputs(self) -> bool:
+        """Whether a base that takes more inputs errs far less, whatever the noise."""
+        less = is_far_less(self.base.whitened, self.given.whitened, noise=0.0)
+        return bool(self.result.unused_inputs) and (less or self.best == "form")
 
     def remedy(self, answer: Answer) -> Remedy | None:
         """The command that mends table or model, tried; None where an effect is missing."""

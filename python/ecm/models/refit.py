@@ -708,13 +708,13 @@ def _added(
         other, better = _base_that_holds(found, every, table, most) or (other, None)
     held = "prior" in found.training  # near the physics: its coefficients are no free ones
     no_less = after >= before or (not held and last.bic_fall(first) <= 0.0)
-    if known and stands <= (most if better else after):
-        errs = f"here it errs {stands:.3g} times the noise as it stands, fitted to these rows alone"
-        return Addition(ids, before, after, errs, None)
     if known and not better and no_less and against not in ("", model.name):
         # It may hold already what the base lacks that they were named against.
         errs = "less with it, which may be chance" if after < before else "no less with it"
         return Addition(ids, before, after, f"it errs {errs}", None)
+    if known and stands <= (most if better else after):
+        errs = f"here it errs {stands:.3g} times the noise as it stands, fitted to these rows alone"
+        return Addition(ids, before, after, errs, None)
     return Addition(
         ids,
         before if known else None,
