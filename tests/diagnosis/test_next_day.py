@@ -8,6 +8,7 @@ import pytest
 import ecm
 from ecm.diagnosis import find_missing
 from ecm.diagnosis.settings import DEFAULTS
+from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table, as_table
@@ -151,3 +152,12 @@ def test_its_own_errors_are_those_of_the_fit(yesterday: Model) -> None:
     assert further[1] > 2.0 * further[0] > 0.0
     np.testing.assert_allclose(known.predict(poses), yesterday.base.predict(poses))
     assert known.columns(poses).shape == (len(poses), len(WRENCH), 0)
+
+
+def test_a_form_is_kept_where_its_loads_are_proportional_to_its_coefficients() -> None:
+    """Twice both numbers of this law are not twice its load."""
+    x = np.linspace(-1.0, 1.0, 20)
+    table = as_table({"x_m": 0.01 * x, "fx_N": 10.0 * np.sinh(2.0 * x)})
+    law = ecm.Expression("fx_N = a * sinh(b * x_m)", a=9.0, b=190.0)
+    with pytest.raises(ModelError, match="not proportional to its coefficients"):
+        ecm.refit(ecm.fit(table, law), table, freeze="form")

@@ -353,13 +353,15 @@ class _Judged:
 
     def factor(self, answer: Answer, again: Errors | None) -> float | None:
         """The factor on the wrench that explains the misfit; beside effects, what they leave."""
-        result, table, fit = self.result, self.decision.prepared.table, self.fits[1]
+        result, table = self.result, self.decision.prepared.table
         if self.known is not None and self.known.factor != 1.0:
             return self.known.factor
         if answer == "numbers":
             measured = table.matrix([c.name for c in result.components])[result.row]
             return _scale(result, measured, measured - result.physical)
-        if answer != "effect" or not (fit and again and self.is_far_less(again, self.given)):
+        # Its kind with the effects is fitted where the report asks for it alone.
+        fit = self.fits[1] if answer == "effect" else None
+        if fit is None or again is None or not self.is_far_less(again, self.given):
             return None
         poses = inputs_of(self.model.base, table.select(result.row))
         return _scale(result, fit.base.predict(poses), self.model.base.predict(poses))

@@ -336,9 +336,8 @@ def find_missing(
     def against(base: StiffnessMap, rows: Prepared = prepared) -> Decision:
         return go_on(begin(base, rows, noise, settings, stages), seed, stages)
 
-    def against_known(of: Model, factor: float = 1.0) -> Decision | None:
+    def against_known(of: Model, rows: Prepared, factor: float = 1.0) -> Decision | None:
         """Against the model as it was fitted, or as another specimen has it; None without one."""
-        rows = prepare(of, table, effects, settings)
         known = known_map(of, rows.table, settings.most_base_columns, factor)
         if known is None:
             return None
@@ -346,11 +345,13 @@ def find_missing(
         specimen = other_specimen(found) if factor == 1.0 else None
         if specimen is None:
             return of_same_specimen(found)
-        return against_known(of_other_specimen(of, specimen), 1.0 + float(specimen.values[0]))
+        other = of_other_specimen(of, specimen)
+        own = prepare(other, table, effects, settings)
+        return against_known(other, own, 1.0 + float(specimen.values[0]))
 
     as_fitted: Decision | None = None
     with suppress(ModelError):  # these rows may be far from all that it was fitted to
-        as_fitted = against_known(model)
+        as_fitted = against_known(model, prepared)
     if as_fitted is not None and is_explained(as_fitted):
         decision = as_fitted
     else:

@@ -21,7 +21,7 @@ from ecm.io.arrays import B, F, eigh, rms
 from ecm.io.columns import POSE, WRENCH, unit_of
 from ecm.io.events import Progress
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
-from ecm.models.errors import errors_and_noise, held_out, is_far_less
+from ecm.models.errors import errors_and_noise, held_out, is_far_less, residuals
 from ecm.models.evaluation import on_what_is_measured
 from ecm.models.fit import as_model, choose_base, fit_base, fit_rows, refuse_unused_inputs
 from ecm.models.fit_summary import quick_shares
@@ -35,7 +35,7 @@ from ecm.models.registry import parse_model
 from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import spread_rows, without_zero_readings
-from ecm.regression.noise import Noise, whiteners
+from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import MANY_ROWS
 from ecm.regression.rows import Rows, naming_outliers
 
@@ -539,7 +539,7 @@ def _changed(
     """Fit a model with effects added, removed or kept."""
     specimen: FittedEffect | None = None
     if "form" in freeze:
-        freeze = [*(name for name in freeze if name != "form"), "base"]
+        freeze = ["base" if name == "form" else name for name in freeze]
         specimen = specimen_of(model.remove(*remove).add(*add).freeze(*freeze), table)
         model = of_other_specimen(model, specimen)
     changed = model.remove(*remove).add(*add).freeze(*freeze)
@@ -746,9 +746,9 @@ def _fitted_anew(
 
 def _error_of(model: Model, table: Table, noise: Noise) -> float:
     """The error of a model as it stands on these rows, over their noise."""
-    left = table.matrix(model.outputs) - model.readings(table, skip_untestable=True)
-    root = whiteners(noise.covariance(Rows(table, model.base), model.base.error))
-    return rms(np.einsum("nij,nj->ni", root, left)[table.of_poses])
+    said = model.readings(table, skip_untestable=True)
+    left = residuals(Rows(table, model.base), said, noise, model.base.error)
+    return rms(left.whitened[table.of_poses])
 
 
 def refit_summary(model: Model) -> dict[str, Any]:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.effects.protocol import LinearEffect, Parameter
+from ecm.errors import ModelError
 from ecm.io.arrays import F
+from ecm.regression.rows import taken_by
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -32,8 +34,18 @@ class OtherSpecimen(LinearEffect):
 
 
 def of_other_specimen(model: Model, fitted: FittedEffect) -> Model:
-    """The model with the base of another specimen: its loads times a factor, which may err."""
+    """The model with the base of another specimen: its loads times a factor, which may err.
+
+    A ModelError where the loads of the base are not proportional to its coefficients.
+    """
     coefficients = model.base.coefficients
+    poses = np.array(model.training.get("poses") or [[1e-3] * len(taken_by(model.base))])
+    loads = model.base.predict(poses)
+    if not np.allclose(model.base.columns(poses) @ coefficients, loads, atol=1e-9 * np.ptp(loads)):
+        raise ModelError(
+            f"the loads of {model.base.name} are not proportional to its coefficients: its form "
+            "cannot be kept up to a factor, fit it again"
+        )
     ((share,), (sd,)) = fitted.values, fitted.sd
     covariance = model.covariance
     if covariance is not None:
@@ -43,12 +55,8 @@ def of_other_specimen(model: Model, fitted: FittedEffect) -> Model:
 
 
 def specimen_of(model: Model, table: Table) -> FittedEffect:
-    """The factor between the loads of these rows and those of the base, beside the effects.
-
-    An InputError where these rows cannot tell it.
-    """
-    kept = model.freeze("base").add(OtherSpecimen())
-    return kept.fit(table, with_ceiling=False).effects[-1]
+    """The factor between the loads of these rows and those of a base that is kept."""
+    return model.add(OtherSpecimen()).fit(table, with_ceiling=False).effects[-1]
 
 
 def said_of(specimen: FittedEffect) -> str:
