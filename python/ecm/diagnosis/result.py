@@ -482,11 +482,12 @@ def _warnings(decision: Decision, final: JointFit) -> Iterator[str]:
     problem, prepared = decision.problem, decision.prepared
     yield from zero_column_sentences(prepared.zero_columns)
     yield from _of_rows(problem, prepared)
-    if strange := modulus_warning(problem):
-        yield strange
     if prepared.misread is not None:
         yield prepared.misread.sentence()
-    yield from stated_numbers(problem, final)
+    if decision.statement is None:  # a base that is fitted to misread rows has any E and nu
+        if strange := modulus_warning(problem):
+            yield strange
+        yield from stated_numbers(problem, final)
     yield from _of_noise(problem)
     if decision.slow_noise is not None and decision.unknown is None:
         yield decision.slow_noise.sentence()

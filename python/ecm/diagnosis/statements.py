@@ -85,10 +85,6 @@ def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[C
         if at is None:
             continue
         said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
-        # Another length is a mend of positions that were made with it alone: at rest they show it.
-        of_length = abs(float(np.median(poses[:, 0])) - length_m) < abs(at[0])
-        if of_pose and of_length and abs(at[0]) > 3.0 * float(np.hypot(at[1], at[2])):
-            said += f", or the length looks {length_m + at[0]:.4g} m, not {length_m:.4g} m"
         yield Convention(said, partial(move, at), of_pose)
 
 
@@ -257,14 +253,33 @@ def find_wrong_statement(
         return None
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
-        if not best:
-            continue
-        mended, left = _errors(problem, body, best[0])
-        better = mended <= min(MENDED_SHARE * before, most)
-        # Fitted as stated only where the reading may be said: most that are tried are not.
-        if better and left <= MENDED_SHARE * _errors(problem, body, None)[1]:
-            return WrongStatement(in_words(best), before, mended)
+        tried = [(in_words(best), *_errors(problem, body, best[0]))] if best else []
+        tried += _of_another_length(problem, body)
+        better = [one for one in tried if one[1] <= min(MENDED_SHARE * before, most)]
+        if better:
+            # Fitted as stated only where a reading may be said: most that are tried are not.
+            limit = MENDED_SHARE * _errors(problem, body, None)[1]
+            better = [one for one in better if one[2] <= limit]
+        if better:
+            least = min(mended for _, mended, _ in better)
+            alike = (words for words, mended, _ in better if mended**2 <= EQUAL * least**2)
+            return WrongStatement(", or ".join(alike), before, least)
     return None
+
+
+def _of_another_length(problem: Problem, base: StiffnessMap) -> Iterator[tuple[str, float, float]]:
+    """Yield the length that a stated body would have, with what it then leaves, as `_errors`."""
+    if not isinstance(base, PhysicsMap) or base.family is None:
+        return
+    free = base.with_free(*base.free, "length_m")
+    fit = fit_or_none(free, (), problem.table, problem.noise)
+    if fit is None:
+        return
+    length, ends = fit.base.coefficients[-1], [end[-1] for end in free.bounds]
+    beyond = [more for more, end in zip((" or less", " or more"), ends, strict=True)
+              if np.isclose(length, end)]  # fmt: skip
+    words = f"the length looks {length:.4g} m{''.join(beyond)}, stated as {base.length_m:.4g} m"
+    yield words, *_left_over(problem, fit)
 
 
 def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
@@ -300,9 +315,11 @@ def _errors(
         read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
         table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
     fit = fit_or_none(base, (), table, problem.noise)
-    if fit is None:
-        return np.inf, np.inf
-    size = _sizes(table.wrenches[problem.scored])
+    return (np.inf, np.inf) if fit is None else _left_over(problem, fit)
+
+
+def _left_over(problem: Problem, fit: JointFit) -> tuple[float, float]:
+    size = _sizes(fit.rows.table.wrenches[problem.scored])
     return _most_rows(fit.whitened[problem.scored]), _most_rows(fit.residual[problem.scored] / size)
 
 
