@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model
 from ecm.models.known import KnownMap, known_map
 from support.campaigns import INSTRUMENT, workspace_poses
+from support.driven import ARM, NOISE, PRESSURES, TENSIONS, arm_table, measured, tendon_table
 from support.neck import columns_of
 from support.stand_in import L, wrench
 
@@ -126,6 +129,28 @@ def test_the_rows_of_the_fit_say_nothing_new_of_it(yesterday: Model) -> None:
         assert known_map(yesterday, table, MOST) is None
         assert not isinstance(find_missing(yesterday, table).problem.base, KnownMap)
     assert known_map(yesterday, day(5), MOST) is not None
+
+
+@pytest.mark.parametrize(("read", "names"), [(tendon_table, TENSIONS), (arm_table, PRESSURES)])
+def test_actuators_on_another_day(read: Callable[[], Table], names: tuple[str, ...]) -> None:
+    """Beside a known base as well: each of their effects takes it as what drives the body."""
+    model = ecm.fit_model(read(), "actuated3")
+    every = read().with_columns({"time_s": 8.0 * np.arange(len(read()))})
+    poses = {"pose_position_sd_m": 1e-7, "pose_rotation_sd_rad": 1e-6}
+    meta = {**ARM, "instrument": NOISE | poses}
+
+    def rows(day: int, gain: float) -> Table:
+        chosen = np.flatnonzero(np.arange(len(every)) % 2 == day)
+        acting = gain * every.matrix(names)
+        read = measured(every, model, acting, day).select(chosen)
+        return ecm.as_table(dict(read.columns), meta=meta)
+
+    found = ecm.diagnose(ecm.fit(rows(0, 1.0), "actuated3"), rows(1, 1.08))
+    if names == PRESSURES:
+        assert found.model.as_fitted, found.sentence()
+        assert any("pressure_gain" in members for members in found.answer), found.summary()
+    else:  # no effect is the gain of a tension
+        assert found.model.answer == "numbers"
 
 
 def test_of_a_model_that_is_far_off_nothing_is_known() -> None:

@@ -284,7 +284,7 @@ class Effect:
         if not known:
             return self
         beside: Effect = copy(self)
-        beside.base_means = known
+        object.__setattr__(beside, "base_means", known)  # it may be frozen
         return beside
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:

@@ -51,6 +51,8 @@ class KnownMap(MapDefaults):
     actuators = _of_map("actuators")
     length_m = _of_map("length_m")
     error = _of_map("error")
+    actuation_jacobian = _of_map("actuation_jacobian")
+    amounts = _of_map("amounts")
 
     @property
     def keeps(self) -> str:
@@ -83,11 +85,6 @@ class KnownMap(MapDefaults):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n)."""
         return self.map.stiffness(poses, kind)
-
-    def actuation_jacobian(self, poses: F) -> F:
-        """(N, m, a) slope to the inputs of actuators, of a map that has some."""
-        driven: Any = self.map
-        return np.asarray(driven.actuation_jacobian(poses))
 
     def columns(self, poses: F) -> F:
         """(N, m, 0)."""

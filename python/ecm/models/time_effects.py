@@ -360,13 +360,24 @@ def _friction(found: TimeEffects, model: EvaluatedModel, effect: Hysteresis, val
             "it follows the pose before, which a motion does not have: with time_s in the data "
             "ecm refit fits springs that slip"
         )
-    if effect.stiffness != "middle":
-        return "a spring for each pose coordinate has no frame of the mechanism"
-    length = model.known_length_m or 1.0
-    spring = _along(model) * float(values[0]) / effect.yield_m
+    length = np.array([1.0] * 3 + [model.known_length_m or 1.0] * 3)
+    slip = effect.yield_m / length
+    if effect.slip:
+        slip = np.array([numbers(effect.slip)[name] for name in POSE])
+    along = _along(model)
+    if effect.stiffness == "each":
+        rest = model.rest_pose("hysteresis")
+        along = np.diagonal(model.base.stiffness(rest)[0])
+        found.document |= {"springs": effect.springs, "friction_of_pose": True}
+        found.warnings.append(
+            "hysteresis follows the coordinates of the pose, as it was fitted, and does not turn "
+            "with the body: it is passive only where turns are small."
+        )
+    share = values / (slip * length)
+    spring = along * share
     found.document["friction"] = spring.tolist()
-    found.stiffer += max(0.0, float(values[0]) / effect.yield_m)
-    found.document["slip"] = [effect.yield_m] * 3 + [effect.yield_m / length] * 3
+    found.stiffer += max(0.0, float(share.max()))
+    found.document["slip"] = slip.tolist()
     if (spring < 0.0).any():
         found.warnings.append("hysteresis is not passive: its springs are below zero.")
     return ""

@@ -208,7 +208,7 @@ impl Steps {
             ),
         };
         let stack = ((numbers + own) * precision.size() + 800).next_multiple_of(16);
-        let kept = 3 * n + 5 * m + 1;
+        let kept = (2 + effects.springs) * n + 5 * m + 1;
         let flags = |of: &[usize]| list(of.iter().map(|&place| u8::from(place > 2).to_string()));
         let matrix = |of: &Mat6<f64>| row(&places.of_matrix(of).concat());
         let ahead = stack + (kept + 16) * precision.size();
@@ -229,6 +229,7 @@ impl Steps {
                 ("INPUTTABLE", &input_table(effects)),
                 ("INFRAME", words[0]),
                 ("FORADAPT", words[1]),
+                ("SPRINGS", &effects.springs.to_string()),
             ],
         );
         let source = filled(
@@ -242,6 +243,8 @@ impl Steps {
                 ("SLIP", &row(&places.of_inputs(&effects.slip))),
                 ("PLAY", &row(&places.of_inputs(&effects.play))),
                 ("TOGETHER", &u8::from(effects.together).to_string()),
+                ("SPRINGS", &effects.springs.to_string()),
+                ("OFPOSE", &u8::from(effects.of_pose).to_string()),
                 ("ANGLES", &flags(&places.inputs)),
                 ("MOMENTS", &flags(&places.outputs)),
                 ("PAIRS", &n.min(m).to_string()),

@@ -356,6 +356,8 @@ fn steps<R: Real>(
             ("SLIP", &row(&effects.slip)),
             ("PLAY", &row(&effects.play)),
             ("TOGETHER", &effects.together.to_string()),
+            ("SPRINGS", &effects.springs.to_string()),
+            ("OFPOSE", &effects.of_pose.to_string()),
             ("WARMER", &number(effects.softer_per_kelvin)),
             ("REFERENCE", &number(effects.reference_degc)),
             ("GROWTH", &number(effects.growth_per_kelvin)),

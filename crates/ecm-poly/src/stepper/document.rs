@@ -7,7 +7,7 @@ use std::vec::Vec;
 use ecm_se3::{Mat6, Real, Vec6};
 use serde_json::{Map, Value};
 
-use super::{BRANCHES, Branch, Effects, Softening, diagonal};
+use super::{BRANCHES, Branch, Effects, SPRINGS, Softening, diagonal};
 use crate::error::ModelError;
 
 impl Effects<f64> {
@@ -50,6 +50,11 @@ impl Effects<f64> {
         effects.slip = numbers(document, "slip")?;
         effects.play = numbers(document, "play")?;
         effects.together = document.get("together") == Some(&Value::Bool(true));
+        let springs = number(document, "springs", Some(1.0))?;
+        let counted = (1..=SPRINGS).find(|&count| count as f64 == springs);
+        effects.springs =
+            counted.ok_or_else(|| wrong("springs", springs.to_string(), "a number from 1 to 5"))?;
+        effects.of_pose = document.get("friction_of_pose") == Some(&Value::Bool(true));
         effects.damping = match numbers(document, "damping") {
             Ok([along, about]) => diagonal(&[along, along, along, about, about, about]),
             Err(_) => matrix(document, "damping")?,
@@ -133,6 +138,8 @@ impl Effects<f64> {
             slip: six(self.slip),
             play: six(self.play),
             together: self.together,
+            springs: self.springs,
+            of_pose: self.of_pose,
             softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
             reference_degc: R::from_f64(self.reference_degc),
             growth_per_kelvin: R::from_f64(self.growth_per_kelvin),

@@ -9,6 +9,9 @@ use super::Decay;
 /// Relaxing branches of a stepper.
 pub const BRANCHES: usize = 2;
 
+/// Most springs side by side that slip one after the other.
+pub const SPRINGS: usize = 5;
+
 /// One relaxing branch: m' = x' − m/τ, and the force share · m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Branch<R> {
@@ -130,6 +133,11 @@ pub struct Effects<R> {
     /// Whether they slip as one, where the length of their stretches over these limits is 1: of
     /// columns without a frame, which this couples.
     pub together: bool,
+    /// Springs side by side for each of them, up to [`SPRINGS`], which slip one after the other: of n
+    /// the i-th at (2 i − 1)/n of the stretch, with 1/n of the stiffness.
+    pub springs: usize,
+    /// Whether they follow the pose p and add to the wrench h, not along q to Q.
+    pub of_pose: bool,
     /// β (1/K): h (1 − β (T − T0)).
     pub softer_per_kelvin: R,
     /// T0 (°C).
@@ -173,6 +181,8 @@ impl<R: Real> Effects<R> {
             slip: [R::ZERO; 6],
             play: [R::ZERO; 6],
             together: false,
+            springs: 1,
+            of_pose: false,
             softer_per_kelvin: R::ZERO,
             reference_degc: R::ZERO,
             growth_per_kelvin: R::ZERO,

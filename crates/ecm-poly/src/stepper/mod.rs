@@ -9,6 +9,7 @@
 //!
 //! and a spring that slips z ← clamp(z + Δq, ±limit), which beyond a play w pulls κ (z − clamp(z, ±w)).
 //! Springs that slip as one share |z / limit| ≤ 1: z ← z / |z / limit|, for steps that turn little.
+//! Several side by side, each with a limit of its own, make a smooth loop; they may follow p and act on h.
 //! The wrench is that of Σ g m and these pulls, turned with the mid frame: stress stays with the
 //! material, and a turn of the base turns everything.
 //! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
@@ -48,8 +49,8 @@ mod document;
 mod models;
 
 pub use decay::Decay;
-pub use effects::{BRANCHES, Branch, Effects, Inputs, Softening, diagonal};
-pub use state::{STATE_NUMBERS, State};
+pub use effects::{BRANCHES, Branch, Effects, Inputs, SPRINGS, Softening, diagonal};
+pub use state::{STATE_NUMBERS, State, state_numbers};
 
 use ecm_se3::linear::add;
 use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
@@ -107,6 +108,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             memory: [[R::ZERO; 6]; BRANCHES],
             carry: [[R::ZERO; 6]; BRANCHES],
             largest: here.load,
+            further: [[R::ZERO; 6]; SPRINGS - 1],
         })
     }
 
@@ -147,27 +149,37 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             }
         }
         let along: Vec6<R> = core::array::from_fn(|j| q[j] - state.coordinates[j]);
+        let path = if effects.of_pose {
+            self.moved(&q, &state.coordinates)
+        } else {
+            along
+        };
         let (mut pulls, mut grips, mut turns) = ([R::ZERO; 6], [R::ZERO; 6], [R::ZERO; 6]);
-        let shares: Vec6<R> = core::array::from_fn(|j| match effects.slip[j] {
-            limit if effects.together && limit > R::ZERO => (state.stretch[j] + along[j]) / limit,
-            _ => R::ZERO,
-        });
-        let over = length(shares.iter());
-        for j in 0..6 {
-            let (limit, play) = (effects.slip[j], effects.play[j]);
-            if over > R::from_f64(SLIPS) && limit > R::ZERO {
-                state.stretch[j] = limit * shares[j] / over;
-                (pulls[j], grips[j]) = (state.stretch[j], R::ONE / over);
-                turns[j] = shares[j] / (over * over * limit);
-                continue;
+        let part = R::ONE / R::from_f64(effects.springs as f64);
+        let all = core::iter::once(&mut state.stretch).chain(&mut state.further);
+        for (place, stretches) in all.take(effects.springs).enumerate() {
+            let size = part * R::from_f64((2 * place + 1) as f64);
+            let shares: Vec6<R> = core::array::from_fn(|j| match size * effects.slip[j] {
+                limit if effects.together && limit > R::ZERO => (stretches[j] + path[j]) / limit,
+                _ => R::ZERO,
+            });
+            let over = length(shares.iter());
+            for j in 0..6 {
+                let (limit, play) = (size * effects.slip[j], size * effects.play[j]);
+                if over > R::from_f64(SLIPS) && limit > R::ZERO {
+                    stretches[j] = limit * shares[j] / over;
+                    (pulls[j], grips[j]) = (stretches[j], R::ONE / over);
+                    turns[j] = shares[j] / (over * over * limit);
+                    continue;
+                }
+                let wanted = stretches[j] + path[j];
+                let stretch = wanted.clamped(-limit, limit);
+                stretches[j] = stretch;
+                if -limit <= wanted && wanted <= limit && !(-play < stretch && stretch < play) {
+                    grips[j] += part;
+                }
+                pulls[j] += part * (stretch - stretch.clamped(-play, play));
             }
-            let wanted = state.stretch[j] + along[j];
-            let stretch = wanted.clamped(-limit, limit);
-            state.stretch[j] = stretch;
-            if -limit <= wanted && wanted <= limit && !(-play < stretch && stretch < play) {
-                grips[j] = R::ONE;
-            }
-            pulls[j] = stretch - stretch.clamped(-play, play);
         }
         for i in 0..6 {
             let (stiffness, friction) = (&effects.stiffness[i], &effects.friction[i]);
@@ -193,6 +205,9 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                         steep[i][j] += branch.share * decay.share * stiffness[j];
                     }
                 }
+            }
+            if effects.of_pose {
+                continue;
             }
             let pulled = coupled
                 .clone()
@@ -227,6 +242,18 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let mut tangent: Mat6<R> = core::array::from_fn(|i| {
             core::array::from_fn(|j| factor * here.stiffness[i][j] + beside[i][j])
         });
+        if effects.of_pose {
+            for i in 0..6 {
+                let pull = effects.coupled(i).fold(R::ZERO, |sum, j| {
+                    tangent[i][j] += effects.friction[i][j] * grips[j];
+                    sum + effects.friction[i][j] * pulls[j]
+                });
+                match i {
+                    0..3 => wrench.force[i] += pull,
+                    _ => wrench.torque[i - 3] += pull,
+                }
+            }
+        }
         if largest > here.load {
             let h = here.wrench.to_array();
             for i in 0..6 {
@@ -349,7 +376,8 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     #[inline(always)]
     fn moved(&self, q: &Vec6<R>, before: &Vec6<R>) -> Vec6<R> {
         let along = self.effects.damping[0][0];
-        if self.effects.columns.is_some() || along * along <= R::ZERO {
+        let turns_alone = along * along <= R::ZERO && !self.effects.of_pose;
+        if self.effects.columns.is_some() || turns_alone {
             return core::array::from_fn(|j| q[j] - before[j]);
         }
         let [now, then] = [q, before].map(|q| frame::pose_of(&self.effects, q));

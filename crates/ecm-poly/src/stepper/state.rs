@@ -2,11 +2,11 @@
 
 use ecm_se3::{Real, Vec6};
 
-use super::BRANCHES;
+use super::{BRANCHES, SPRINGS};
 
 /// What a mechanism remembers: plain numbers, which may be stored and loaded.
 ///
-/// [`STATE_NUMBERS`] numbers: 392 bytes in double, 196 in single precision.
+/// At most [`STATE_NUMBERS`] numbers: 584 bytes in double, 292 in single precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct State<R> {
@@ -16,7 +16,7 @@ pub struct State<R> {
     pub coordinates: Vec6<R>,
     /// Q of the static wrench there.
     pub force: Vec6<R>,
-    /// Stretch z of the springs that slip (m, rad).
+    /// Stretch z of the springs that slip (m, rad), of those side by side the first one.
     pub stretch: Vec6<R>,
     /// m of each branch (N, N m).
     pub memory: [Vec6<R>; BRANCHES],
@@ -24,55 +24,62 @@ pub struct State<R> {
     pub carry: [Vec6<R>; BRANCHES],
     /// W_max: J, or as `Softening` measures it.
     pub largest: R,
+    /// Stretch of the further springs side by side.
+    pub further: [Vec6<R>; SPRINGS - 1],
 }
 
-/// Numbers of a [`State`].
-pub const STATE_NUMBERS: usize = 25 + 12 * BRANCHES;
+/// Numbers of a [`State`] with all springs.
+pub const STATE_NUMBERS: usize = state_numbers(SPRINGS);
+
+/// Numbers of a [`State`] of so many springs side by side: those of `further` are the last.
+pub const fn state_numbers(springs: usize) -> usize {
+    19 + 12 * BRANCHES + 6 * springs
+}
 
 impl<R: Real> State<R> {
     /// All numbers, in the order of the fields.
     ///
     /// ```
-    /// use ecm_poly::stepper::State;
-    /// let numbers: [f64; 49] = core::array::from_fn(|i| i as f64);
+    /// use ecm_poly::stepper::{STATE_NUMBERS, State};
+    /// let numbers: [f64; STATE_NUMBERS] = core::array::from_fn(|i| i as f64);
     /// let state = State::from_numbers(&numbers).ok_or("a NaN")?;
     /// assert_eq!(state.to_numbers(), numbers);
     /// # Ok::<(), &str>(())
     /// ```
     pub fn to_numbers(&self) -> [R; STATE_NUMBERS] {
-        let rows = self.rows();
-        core::array::from_fn(|i| match rows.get(i / 6) {
-            Some(row) => row[i % 6],
-            None => self.largest,
-        })
+        let rows = [
+            &self.farthest,
+            &self.coordinates,
+            &self.force,
+            &self.stretch,
+        ];
+        let memories = self.memory.iter().chain(&self.carry);
+        let known = rows.into_iter().chain(memories).flatten();
+        let further = self.further.as_flattened();
+        let mut all = known.chain([&self.largest]).chain(further);
+        core::array::from_fn(|_| all.next().copied().unwrap_or(R::ZERO))
     }
 
-    /// The state of these numbers; None where one is not finite, because every later step would
-    /// be NaN.
-    pub fn from_numbers(numbers: &[R; STATE_NUMBERS]) -> Option<Self> {
-        if !numbers.iter().all(|x| x.is_finite()) {
+    /// The state of these numbers, the last ones of springs that are not there absent.
+    ///
+    /// None where one is not finite, because every later step would be NaN, or of another count.
+    pub fn from_numbers(numbers: &[R]) -> Option<Self> {
+        let known = (1..=SPRINGS).any(|springs| state_numbers(springs) == numbers.len());
+        if !(known && numbers.iter().all(|x| x.is_finite())) {
             return None;
         }
-        let row = |k: usize| core::array::from_fn(|j| numbers[6 * k + j]);
+        let mut rest = numbers.iter().copied();
+        let mut number = || rest.next().unwrap_or(R::ZERO);
+        let mut row = || core::array::from_fn(|_| number());
         Some(Self {
-            farthest: row(0),
-            coordinates: row(1),
-            force: row(2),
-            stretch: row(3),
-            memory: core::array::from_fn(|b| row(4 + b)),
-            carry: core::array::from_fn(|b| row(4 + BRANCHES + b)),
-            largest: numbers[STATE_NUMBERS - 1],
-        })
-    }
-
-    fn rows(&self) -> [&Vec6<R>; 4 + 2 * BRANCHES] {
-        core::array::from_fn(|k| match k {
-            0 => &self.farthest,
-            1 => &self.coordinates,
-            2 => &self.force,
-            3 => &self.stretch,
-            _ if k < 4 + BRANCHES => &self.memory[k - 4],
-            _ => &self.carry[k - 4 - BRANCHES],
+            farthest: row(),
+            coordinates: row(),
+            force: row(),
+            stretch: row(),
+            memory: core::array::from_fn(|_| row()),
+            carry: core::array::from_fn(|_| row()),
+            largest: number(),
+            further: core::array::from_fn(|_| core::array::from_fn(|_| number())),
         })
     }
 }

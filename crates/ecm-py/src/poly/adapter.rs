@@ -5,7 +5,7 @@ use ecm_poly::adapt::{
     Adapter as Settings, CELLS, Outcome, PARTS, Parameter, Reading, State, branch_wrenches,
 };
 use ecm_poly::export::model::Model;
-use ecm_poly::stepper::{Effects, Inputs, STATE_NUMBERS, State as StepperState, Stepper};
+use ecm_poly::stepper::{Effects, Inputs, State as StepperState, Stepper, state_numbers};
 use ecm_se3::{Mat6, Vec6};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -234,7 +234,8 @@ impl Adapter {
         numbers.extend(s.counts.map(f64::from));
         numbers.push(f64::from(s.held));
         if let Some(mechanism) = &self.mechanism {
-            numbers.extend(mechanism.to_numbers());
+            let count = state_numbers(self.effects.springs);
+            numbers.extend(mechanism.to_numbers().into_iter().take(count));
         }
         PyArray1::from_vec(py, numbers)
     }
@@ -242,19 +243,17 @@ impl Adapter {
     #[setter]
     fn set_state(&mut self, state: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let numbers = vector(&state);
+        let own = state_numbers(self.effects.springs);
         let mechanism = match numbers.get(NUMBERS..) {
             Some([]) => Some(None),
-            Some(rest) => <[f64; STATE_NUMBERS]>::try_from(rest)
-                .ok()
-                .and_then(|rest| StepperState::from_numbers(&rest))
-                .map(Some),
-            None => None,
+            Some(rest) if rest.len() == own => StepperState::from_numbers(rest).map(Some),
+            _ => None,
         };
         let (Some(mechanism), true) = (mechanism, numbers.iter().all(|x| x.is_finite())) else {
             return Err(ModelError::new_err(format!(
                 "state has {} numbers, expected {NUMBERS} or {} that are finite: take one that was stored",
                 numbers.len(),
-                NUMBERS + STATE_NUMBERS
+                NUMBERS + own
             )));
         };
         let mut own = self.settings.init();

@@ -2,7 +2,7 @@
 
 use ecm_poly::Pose;
 use ecm_poly::export::model::Model;
-use ecm_poly::stepper::{Effects, Inputs, STATE_NUMBERS, State, Stepper as Steps};
+use ecm_poly::stepper::{Effects, Inputs, State, Stepper as Steps, state_numbers};
 use ecm_se3::{Mat6, Wrench};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -142,30 +142,31 @@ impl Stepper {
         })
     }
 
-    /// (49,) numbers of the state; None before `init`.
+    /// (49,) numbers of the state, and six for each further spring; None before `init`.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        (self.state).map(|state| PyArray1::from_slice(py, &state.to_numbers()))
+        let count = state_numbers(self.effects.springs);
+        let numbers = self.state?.to_numbers().into_iter().take(count);
+        Some(PyArray1::from_iter(py, numbers))
     }
 
     #[setter]
     fn set_state(&mut self, state: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let numbers: Vec<f64> = state.as_array().iter().copied().collect();
-        let Ok(numbers) = <[f64; STATE_NUMBERS]>::try_from(numbers) else {
-            return Err(ModelError::new_err(format!(
-                "state has {} numbers, expected {STATE_NUMBERS}",
-                state.len()
-            )));
-        };
-        let Some(state) = State::from_numbers(&numbers) else {
-            let wrong = numbers.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        if let Some(wrong) = numbers.iter().position(|x| !x.is_finite()) {
             return Err(ModelError::new_err(format!(
                 "state[{wrong}] is {}, expected finite numbers: take a state that was stored before, or \
                  call init(pose)",
                 numbers[wrong]
             )));
-        };
-        self.state = Some(state);
+        }
+        let expected = state_numbers(self.effects.springs);
+        let known = numbers.len() == expected;
+        let state = known.then(|| State::from_numbers(&numbers)).flatten();
+        self.state = Some(state.ok_or_else(|| {
+            let count = numbers.len();
+            ModelError::new_err(format!("state has {count} numbers, expected {expected}"))
+        })?);
         Ok(())
     }
 }

@@ -195,6 +195,7 @@ class Source:
         common = {
             "NAME": self.name,
             "STEPS": str(int(self.has_state)),
+            "STATE": str(43 + 6 * int(self.timed.document.get("springs", 1))),
             "DOWN": " ".join(f"{x:.9g}" for x in self.model.scene.gravity_m_s2),
         }
         for key, value in {**(values or {}), **common}.items():

@@ -28,6 +28,8 @@ enum { PAIRS = @PAIRS@ };
 enum { COUPLED = @COUPLED@, DAMPED = @DAMPED@ };
 /* Whether springs slip as one, where the length of their stretches over these limits is 1. */
 enum { TOGETHER = @TOGETHER@ };
+/* Springs side by side, which slip one after the other; and whether they follow p and act on h. */
+enum { SPRINGS = @SPRINGS@, OF_POSE = @OFPOSE@ };
 
 @DECAY@
 
@@ -209,7 +211,10 @@ static int32_t is_known(const state_t *state)
 {
     real sum = state->largest;
     for (int32_t i = 0; i < @N@; i++) {
-        sum += state->farthest[i] + state->coordinates[i] + state->stretch[i];
+        sum += state->farthest[i] + state->coordinates[i];
+        for (int32_t s = 0; s < SPRINGS; s++) {
+            sum += state->stretch[s][i];
+        }
     }
     for (int32_t i = 0; i < @M@; i++) {
         sum += state->force[i];
@@ -242,6 +247,35 @@ static real limited(real x, real limit)
     return x < -limit ? -limit : x;
 }
 
+/* Springs that slip at a share of the limits, stretched on by a path; what they pull and hold. */
+static void stretch_on(real *z, const real *path, real size, real *pulls, real *grips, real *turns)
+{
+    const real part = R(1) / (real)SPRINGS;
+    real squares = R(0), sizes = R(0), over;
+    for (int32_t j = 0; j < @N@; j++) {
+        if (TOGETHER && slip_of[j] > R(0)) {
+            const real share = (z[j] + path[j]) / slip_of[j];
+            squares += share * share;
+            sizes += share < R(0) ? -share : share;
+        }
+    }
+    over = root_of(squares, sizes);
+    for (int32_t j = 0; j < @N@; j++) {
+        const real wanted = z[j] + path[j], limit = size * slip_of[j], play = size * play_of[j];
+        /* Where nothing moves rounding is no slip. */
+        if (over > R(1.00001) && slip_of[j] > R(0)) {
+            z[j] = pulls[j] = wanted / over;
+            grips[j] = R(1) / over;
+            turns[j] = wanted / (over * over * slip_of[j] * slip_of[j]);
+            continue;
+        }
+        z[j] = limited(wanted, limit);
+        pulls[j] += part * (z[j] - limited(z[j], play));
+        grips[j] += part * (real)(-limit <= wanted && wanted <= limit
+                                  && !(-play < z[j] && z[j] < play));
+    }
+}
+
 int32_t @NAME@_init(state_t *state, const real p[@N@])
 {
     here_t here;
@@ -251,7 +285,9 @@ int32_t @NAME@_init(state_t *state, const real p[@N@])
     for (int32_t i = 0; i < @N@; i++) {
         state->farthest[i] = p[i];
         state->coordinates[i] = here.frame.q[i];
-        state->stretch[i] = R(0);
+        for (int32_t s = 0; s < SPRINGS; s++) {
+            state->stretch[s][i] = R(0);
+        }
     }
     for (int32_t i = 0; i < @M@; i++) {
         state->force[i] = here.force[i];
@@ -270,7 +306,6 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     here_t here;
     real lost[2], left[2], total[@M@], steep[@NM@] = {R(0)}, set_h[@M@], set_k[@NM@];
     real along[@N@], pulls[@N@], grips[@N@], turns[@N@] = {R(0)};
-    real squares = R(0), sizes = R(0), over;
     real own[@N@], moved[@N@] = {R(0)}, elastic = R(0), falls, size, slope[@NM@];
     int32_t grows;
     const int32_t sets = set_share * set_share > R(0);
@@ -291,28 +326,14 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
     }
     for (int32_t j = 0; j < @N@; j++) {
         along[j] = here.frame.q[j] - state->coordinates[j];
-        if (TOGETHER && slip_of[j] > R(0)) {
-            const real share = (state->stretch[j] + along[j]) / slip_of[j];
-            squares += share * share;
-            sizes += share < R(0) ? -share : share;
-        }
+        pulls[j] = grips[j] = R(0);
     }
-    over = root_of(squares, sizes);
-    for (int32_t j = 0; j < @N@; j++) {
-        const real wanted = state->stretch[j] + along[j];
-        real stretch;
-        /* Where nothing moves rounding is no slip. */
-        if (over > R(1.00001) && slip_of[j] > R(0)) {
-            state->stretch[j] = pulls[j] = wanted / over;
-            grips[j] = R(1) / over;
-            turns[j] = wanted / (over * over * slip_of[j] * slip_of[j]);
-            continue;
-        }
-        stretch = limited(wanted, slip_of[j]);
-        state->stretch[j] = stretch;
-        pulls[j] = stretch - limited(stretch, play_of[j]);
-        grips[j] = (real)(-slip_of[j] <= wanted && wanted <= slip_of[j]
-                          && !(-play_of[j] < stretch && stretch < play_of[j]));
+    if (DAMPED || OF_POSE) {
+        moved_since(state, here.frame.q, moved);
+    }
+    for (int32_t s = 0; s < SPRINGS; s++) {
+        stretch_on(state->stretch[s], OF_POSE ? moved : along, (real)(2 * s + 1) / (real)SPRINGS,
+                   pulls, grips, turns);
     }
     for (int32_t i = 0; i < @M@; i++) {
         const real *stiffness = stiffness_at_rest + @N@ * i, *friction = friction_of + @N@ * i;
@@ -337,10 +358,10 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
                 steep[@N@ * i + j] += linear_of[b] * share_of[b] * left[b] * stiffness[j];
             }
         }
-        total[i] += pulled;
-        for (int32_t j = first; j < end; j++) {
+        for (int32_t j = first; j < end && !OF_POSE; j++) {
             steep[@N@ * i + j] += friction[j] * grips[j] - pulled * turns[j];
         }
+        total[i] += OF_POSE ? R(0) : pulled;
     }
     if (grows) {
         state->largest = here.load;
@@ -354,6 +375,12 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         steep[i] += (size + elastic) * here.u[i];
     }
     carried(&here.frame, total, steep, h, k);
+    for (int32_t i = 0; i < @M@ && OF_POSE; i++) {
+        for (int32_t j = COUPLED ? 0 : i; j < (COUPLED ? @N@ : i + 1); j++) {
+            h[i] += friction_of[@N@ * i + j] * pulls[j];
+            k[@N@ * i + j] += friction_of[@N@ * i + j] * grips[j];
+        }
+    }
     if (state->largest > here.load && softening * softening > R(0)) {
         soften(p, &here, softening * falls, k);
     }
@@ -364,9 +391,6 @@ int32_t @NAME@_step(state_t *state, const real p[@N@], real dt, const inputs_t *
         for (int32_t i = 0; i < @NM@; i++) {
             k[i] += set_k[i];
         }
-    }
-    if (DAMPED) {
-        moved_since(state, here.frame.q, moved);
     }
     for (int32_t i = 0; i < @M@ && DAMPED; i++) {
         const int32_t first = COUPLED ? 0 : i, end = COUPLED ? @N@ : i + 1;

@@ -21,7 +21,7 @@
 typedef struct {
     @NAME@_real farthest[@N@];               /* p of the largest work so far */
     @NAME@_real coordinates[@N@], force[@M@];  /* of the last step@INFRAME@ */
-    @NAME@_real stretch[@N@];                /* of springs that slip, m and rad */
+    @NAME@_real stretch[@SPRINGS@][@N@];             /* of springs that slip, m and rad */
     @NAME@_real memory[2][@M@], carry[2][@M@]; /* of relaxing branches, N and N m */
     @NAME@_real largest;                   /* largest work so far, J */
 } @NAME@_state;

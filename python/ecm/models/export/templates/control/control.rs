@@ -98,7 +98,7 @@ impl Controller {
 @+    }
 @+
 @+    /// The same controller with a state that was stored as numbers; None where they are damaged.
-@+    fn reloaded(&self, numbers: &[@REAL@; 49]) -> Option<Self> {
+@+    fn reloaded(&self, numbers: &[@REAL@]) -> Option<Self> {
 @+        Some(Self { state: State::from_numbers(numbers)?, ..self.clone() })
 @+    }
 
