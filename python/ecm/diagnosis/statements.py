@@ -28,13 +28,12 @@ from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import B, F, evenly, rest_of
 from ecm.io.columns import POSE, WRENCH, unit_of_factor
 from ecm.io.conventions import Convention, conventions, falling_loads, in_words
-from ecm.io.mechanism import Mechanism
 from ecm.io.se3 import rotation
 from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import EnergyMap, EnergyTerms, StiffnessMap
-from ecm.models.physics.build import stated_rod
 from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.refit import fit_with_length, length_sentence, stated_body
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import repeat_cells
@@ -269,17 +268,11 @@ def find_wrong_statement(
 
 def _of_another_length(problem: Problem, base: StiffnessMap) -> Iterator[tuple[str, float, float]]:
     """Yield the length that a stated body would have, with what it then leaves, as `_errors`."""
-    if not isinstance(base, PhysicsMap) or base.family is None:
+    if not isinstance(base, PhysicsMap):
         return
-    free = base.with_free(*base.free, "length_m")
-    fit = fit_or_none(free, (), problem.table, problem.noise)
-    if fit is None:
-        return
-    length, ends = fit.base.coefficients[-1], [end[-1] for end in free.bounds]
-    beyond = [more for more, end in zip((" or less", " or more"), ends, strict=True)
-              if np.isclose(length, end)]  # fmt: skip
-    words = f"the length looks {length:.4g} m{''.join(beyond)}, stated as {base.length_m:.4g} m"
-    yield words, *_left_over(problem, fit)
+    fit = fit_with_length(base, problem.table, problem.noise)
+    if fit is not None:
+        yield length_sentence(base, fit), *_left_over(problem, fit)
 
 
 def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
@@ -405,10 +398,7 @@ def _elasticity(problem: Problem) -> str:
     base = problem.base
     if not isinstance(base, PhysicsMap) or base.values is None:
         return ""
-    stated = Mechanism.from_dict(base.mechanism)
-    if stated.builtin == "rod":
-        stated = stated_rod(stated)
-    values = base.values
+    stated, values = stated_body(base), base.values
     spread = dict(zip(base.free, np.sqrt(np.diag(problem.fit.covariance)), strict=False))
 
     def differs(name: str, own: float, least: float) -> bool:

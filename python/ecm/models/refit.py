@@ -29,8 +29,9 @@ from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
+from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, physics_prior
+from ecm.models.physics.refit import PhysicsModel, physics_prior, refuse_negative
 from ecm.models.registry import parse_model
 from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
@@ -136,6 +137,7 @@ def refuse_worse(
         refuse_addition(fitted, table, before)
     fitted = on_what_is_measured(fitted, table)
     errors, noise = errors_and_noise(fitted, table)
+    refuse_negative(whole_map(fitted.base), table.measured(), fitted.noise)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if not reasons:
         return

@@ -13,15 +13,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.effects.protocol import correction_of, jacobian_of
-from ecm.errors import InputError
+from ecm.errors import ComputationError, EcmError, InputError, Remedy
 from ecm.io.arrays import F, svd
 from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models.joint_fit import CoefficientPrior, FittedEffect, base_columns, joint_fit
+from ecm.models.joint_fit import (
+    CoefficientPrior,
+    FittedEffect,
+    JointFit,
+    base_columns,
+    joint_fit,
+)
 from ecm.models.layout import Layout, anything, array, items, named, number, one_of, record
 from ecm.models.maps import CHOOSE, FittedMap, ModelSpecification, StiffnessMap, Weights
 from ecm.models.partial import fit_measured, is_partial, need_pose
+from ecm.models.physics.build import stated_rod
 from ecm.models.physics.family import LAYOUT, PARAMETERS
 from ecm.models.physics.map import PhysicsMap, physics_map, poses_meant
 from ecm.regression.f_test import orthonormal
@@ -43,6 +50,9 @@ MEASURES: dict[str, tuple[str, str, float]] = {
     "diameter_m": ("D", "mm", 1e3),
 }
 """Symbol, unit and factor of what is shown of a body."""
+
+
+_MODULUS = PARAMETERS[0]
 
 
 def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
@@ -125,6 +135,58 @@ def refit_physics(
     return found
 
 
+def fit_with_length(base: PhysicsMap, table: Table, noise: Noise) -> JointFit | None:
+    """Fit E, nu and the length together; None without a family, or where there is no fit.
+
+    From the stated values on: E and nu that were fitted beside a wrong length may be anything.
+    """
+    if base.family is None or base.values is None:
+        return None
+    stated = stated_body(base)
+    free = {
+        _MODULUS: stated.young_modulus_Pa,
+        "poisson_ratio": stated.poisson_ratio,
+        "length_m": base.length_m,
+    }
+    try:
+        begin = base.with_free(*free).with_coefficients(np.array([*free.values()]))
+        return joint_fit(begin, (), table, noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+
+
+def stated_body(base: PhysicsMap) -> Mechanism:
+    """The body as `[mechanism]` states it."""
+    stated = Mechanism.from_dict(base.mechanism)
+    return stated_rod(stated) if stated.builtin == "rod" else stated
+
+
+def length_sentence(base: PhysicsMap, fit: JointFit) -> str:
+    """The length of `fit_with_length` beside the stated one, in words."""
+    length, ends = fit.base.coefficients[-1], base.with_free("length_m").bounds
+    beyond = [
+        more
+        for more, end in zip((" or less", " or more"), ends, strict=True)
+        if np.isclose(length, end[0])
+    ]
+    return f"the length looks {length:.4g} m{''.join(beyond)}, stated as {base.length_m:.4g} m"
+
+
+def refuse_negative(base: StiffnessMap, table: Table, noise: Noise) -> None:
+    """Refuse a body that pulls where it should push, with the length that would mend it."""
+    if not isinstance(base, PhysicsMap) or base.factor > 0.0:
+        return
+    megapascal = 1e-6 * stated_body(base).young_modulus_Pa
+    said = f"these rows give the stated body E = {base.factor * megapascal:.3g} MPa, below zero"
+    fit = fit_with_length(base, table, noise)
+    if fit is not None and (modulus := 1e-6 * fit.base.coefficients[0]) > 0.0:
+        said += f"; {length_sentence(base, fit)}, with E = {modulus:.3g} MPa"
+    raise ComputationError(
+        f"{said}: the length, a sign or a unit is wrong in [mechanism] or in the table",
+        remedy=Remedy("look at signs and columns, and mend what is wrong", "ecm check DATA"),
+    )
+
+
 @dataclass(frozen=True)
 class PhysicsModel(ModelSpecification):
     """The FEM body with E and nu to fit; short name `physics`.
@@ -172,7 +234,8 @@ class PhysicsModel(ModelSpecification):
     @staticmethod
     def layout(n: int, m: int) -> Layout:
         """Layout of the body, its energies and their error in a model file."""
-        values = record(dict.fromkeys(PARAMETERS, number(positive=True)))
+        # Beside misread rows E may be below zero.
+        values = record(dict.fromkeys(PARAMETERS, number(positive=True)) | {_MODULUS: number()})
         free = items(one_of(*PARAMETERS), least=1)
         return record(
             {"own_error": array(6), "mechanism": named(anything), "factor": number()},
