@@ -75,7 +75,7 @@ def test_noise_that_was_stated_too_small_is_called_so() -> None:
     random = np.random.default_rng(5)
     found = said(log(lambda time, angle: 0.03 * random.standard_normal(len(time))))
     assert found.neighbours_alike is None
-    assert "that noise is likely too small" in found.sentence()
+    assert "that noise is too small, or these rows are too few" in found.sentence()
 
 
 def test_an_error_of_few_rows_is_no_noise_that_was_stated_too_small() -> None:

@@ -286,6 +286,8 @@ class Comparison(Shown):
         errs, behind = f"{self.model} errs {times}", self._error_of_base_ahead
         if not self.missing:
             why = nothing_follows(self.whitened_rms, self.neighbours_alike)
+            if self.whitened_rms > NEAR_NOISE:
+                why += "; a diagnosis tests the known effects"
             if self.is_as_known and self.whitened_rms > NEAR_NOISE:
                 why = "as much as its coefficients err on rows that it was not fitted to"
             return f"{errs}, {why}."

@@ -209,9 +209,9 @@ def nothing_follows(over_noise: float, alike: float | None) -> str:
         )
     if over_noise <= NEAR_NOISE:
         return f"and {_NOTHING}"
-    why = "that noise is likely too small"
+    why = "that noise is too small"
     if over_noise > 2.0 * FAR_BEYOND_NOISE:
-        why = "a few rows may hold most of it (--report lists the worst)"
+        why = "a few rows hold most of it (--report lists the worst)"
     return f"but {_NOTHING}: {why}, or these rows are too few to show what is missing"
 
 
