@@ -227,16 +227,9 @@ def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
     return bool(special.chdtrc(len(at), gain / problem.scale) * sets < problem.settings.level)
 
 
-def takes_all(problem: Problem, chosen: Candidates) -> bool:
-    """Whether a set takes nearly all that the base leaves beyond a noise that is known.
-
-    A known rival of an effect of the model is but another form of it; so are other values of it.
-    """
-    rivals = {rival for own in problem.holds for rival in own.rivals}
-    own = {effect.id for effect in problem.holds}
-    if any(item.id in rivals | own or own.intersection(item.effect.rivals) for item in chosen):
-        return False
-    after, before = left_beyond_noise(problem, chosen), beyond_noise(problem)
+def takes_all(problem: Problem, chosen: Candidates, others: Candidates = ()) -> bool:
+    """Whether a set takes nearly all that base and others leave beyond a noise that is known."""
+    after, before = (left_beyond_noise(problem, some) for some in (chosen, others))
     return not problem.noise.is_assumed and after < SEPARABLE * before
 
 
@@ -258,13 +251,15 @@ def left_beyond_noise(problem: Problem, chosen: Candidates) -> float:
 def explained_share(problem: Problem, chosen: Candidates, item: Candidate) -> float:
     """Return the share of a chosen effect in the delta chi² of all that are chosen.
 
-    What the form of the others leaves does not follow a recorded column that none of them follows:
-    of an effect of that column it is the share in what they leave, however much they explain.
+    What the form of the others leaves does not follow a recorded column that none of them follows,
+    and no other effect so closely that next to nothing of it is left: of an effect of that column,
+    or one that takes it all, it is the share in what they leave, however much they explain.
     """
     others = without(chosen, item)
     whole, known = delta_chi2(problem, chosen), delta_chi2(problem, others)
     gained = whole - known
-    if others and follows_alone(item.effect, [one.effect for one in others]):
+    alone = others and follows_alone(item.effect, [one.effect for one in others])
+    if alone or (others and takes_all(problem, chosen, others)):
         whole = problem.squares_beside_base / problem.scale - known
     return gained / max(whole, 1e-300)
 
@@ -327,14 +322,21 @@ def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
-    """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
+    """Whether two effects explain more beyond chance than any single one, whose form is inexact.
+
+    Or take nearly all that it leaves: what a form leaves follows no other effect so closely.
+    """
     settings = problem.settings
     total = delta_chi2(problem, pair)
     own = total - sum(item.parameters for item in pair)
     single = delta_chi2_of_each(problem, (), problem.candidates)
-    chance = np.array([candidate.parameters for candidate in problem.candidates])
-    least = max(settings.least_bic, ONE_CAUSE_SHARE * total)
-    return bool(own > (single - chance).max(initial=0.0) + least)
+    single = single - [candidate.parameters for candidate in problem.candidates]
+    best = int(np.argmax(single))
+    gain = own - max(0.0, float(single[best]))
+    if gain <= settings.least_bic:
+        return False
+    enough = gain > ONE_CAUSE_SHARE * total
+    return enough or takes_all(problem, pair, (problem.candidates[best],))
 
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
