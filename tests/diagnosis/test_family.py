@@ -333,7 +333,9 @@ def test_drivers_that_share_the_weight_are_said_together() -> None:
     assert found.family.columns == ("temperature_degC", "time_s")
     assert found.unknown is not None
     assert found.unknown.variables[:2] == found.family.columns
-    assert "the temperature of the body or time (none fits: temp" in found.summary().missing
+    assert (
+        "the temperature of the body or time (none fits all of it: temp" in found.summary().missing
+    )
     assert "warm" in found.family.experiment
 
 

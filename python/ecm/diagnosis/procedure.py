@@ -293,15 +293,32 @@ def diagnose(
             stages=stages,
         )
         found = report(decision, model, seed, noise=noise)
-        named = [item.effect for item in found.effects]
-        if not found.answer:
+        named = [item.effect for item in found.effects] if found.answer else _nearest(decision)
+        if not named:
             return found
         richer = _far_better_degree(decision, model.base)
         base = decision.problem.base
         kept = base.keeps if isinstance(base, KnownMap) else ""
         del decision  # its rows, whitened, are most of the memory
         added = addition_to(model, table, named, richer, base.name, freeze=kept)
+        if not found.answer and (added is None or added.refused or added.remedy is None):
+            return found
         return replace(found, addition=added)
+
+
+def _nearest(decision: Decision) -> list[Effect]:
+    """Return the known effect of a family that explains most: a part of what follows its driver."""
+    like = () if decision.family is None else decision.family.like
+    held = {effect.id for effect in decision.prepared.held}
+    limits = decision.problem.settings
+    return [
+        one.candidate.effect
+        for one in decision.ranking
+        if one.id in like
+        and one.id not in held
+        and one.p < limits.level
+        and one.delta_bic > limits.least_bic
+    ][:1]
 
 
 @one_blas_thread()

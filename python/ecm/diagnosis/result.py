@@ -487,7 +487,7 @@ def _warnings(decision: Decision, final: JointFit) -> Iterator[str]:
     if decision.statement is None:  # a base that is fitted to misread rows has any E and nu
         if strange := modulus_warning(problem):
             yield strange
-        yield from stated_numbers(problem, final)
+        yield from stated_numbers(problem, final, family=decision.family is not None)
     yield from _of_noise(problem)
     if decision.slow_noise is not None and decision.unknown is None:
         yield decision.slow_noise.sentence()

@@ -354,9 +354,12 @@ _FAR = 3.0
 """Error at the bound of nu, over the noise and over that beyond it, from which nu is wrong."""
 
 
-def stated_numbers(problem: Problem, final: JointFit) -> list[str]:
-    """Return what these rows say of E, nu, length and noise where it is not what was stated."""
-    said = (_elasticity(problem), _length(final), _beside_declared(problem))
+def stated_numbers(problem: Problem, final: JointFit, family: bool = False) -> list[str]:
+    """Return what these rows say of E, nu, length and noise where it is not what was stated.
+
+    What follows a driver in a form that is not known scatters repeats as well.
+    """
+    said = (_elasticity(problem), _length(final), _beside_declared(problem, family))
     return [words for words in said if words]
 
 
@@ -428,7 +431,7 @@ def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
     return said
 
 
-def _beside_declared(problem: Problem) -> str:
+def _beside_declared(problem: Problem, family: bool) -> str:
     """Return that the noise of the repeats, or of what no column explains, is not as declared."""
     names = (*problem.base.inputs, *problem.base.outputs)
     declared = declared_noise(problem.table, names)
@@ -446,7 +449,7 @@ def _beside_declared(problem: Problem) -> str:
         chance = min(special.chdtr(dof, factor * dof), special.chdtrc(dof, factor * dof))
         # A drift or a friction scatters repeats too: what columns explain of them is no noise.
         least = factor * min(1.0, problem.scale)
-        loud = least >= 1.0 / _QUIET and problem.scale >= _QUIET
+        loud = least >= 1.0 / _QUIET and problem.scale >= _QUIET and not family
         if chance <= _CHANCE and (factor <= _QUIET or loud):
             times = f"{np.sqrt(factor):.2f} times as large as declared"
             return f"by the repeats the noise is {times}: {mend}"

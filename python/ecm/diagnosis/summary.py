@@ -188,7 +188,7 @@ def _like(document: Mapping[str, Any]) -> str:
     lacking = {item["id"] for item in document["not_testable"]}
     like = document["family"]["like"]
     of_reason = {
-        "none fits": [f"{id}{_beyond(document, id)}" for id in like if id not in lacking],
+        "none fits all of it": [f"{id}{_beyond(document, id)}" for id in like if id not in lacking],
         "not testable": [id for id in like if id in lacking],
     }
     told = [f"{reason}: {', '.join(ids)}" for reason, ids in of_reason.items() if ids]
@@ -316,6 +316,8 @@ def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
     if addition["refused"]:
         return f"{command}   # not to this model: the details say why"
     said = [addition["remedy"]["words"]] if addition["base"] else []
+    if not document["answer"]:
+        said.append("the nearest known form, which leaves a part")
     said += [f"this model {brings}"] if brings else []
     return f"{command}   # {'; '.join(said)}" if said else command
 
@@ -323,7 +325,8 @@ def _added(document: Mapping[str, Any], addition: Mapping[str, Any]) -> str:
 def _fall_of_model(document: Mapping[str, Any]) -> str:
     """The fall of the given model's error by the effects; empty of the base, said elsewhere."""
     before, after = (document["addition"]["held_out"][key] for key in ("before", "after"))
-    if after is None or document["model"]["name"] == document["model"]["base"]:
+    of_base = document["answer"] and document["model"]["name"] == document["model"]["base"]
+    if after is None or of_base:
         return ""
     if document["noise"].get("is_assumed"):
         return f"to {after / max(before, 1e-300):.0%} of its error"
@@ -424,7 +427,7 @@ def diagnosis_report(
         Section("Verdict", verdict_blocks(document)),
     ]
     if document["unknown"] is not None:
-        sections.append(Section("Unknown", _unknown(document["unknown"])))
+        sections.append(Section("Unknown", _unknown(document["unknown"], "family" in document)))
     if compared is not None:
         sections.append(_residuals(document, compared, predicted))
     sections += [
@@ -561,12 +564,12 @@ def _errors(document: Mapping[str, Any]) -> list[TableBlock]:
     ]
 
 
-def _unknown(unknown: Mapping[str, Any]) -> list[Block]:
-    """Variables that matter, words, the nearest effect and a draft of a new one."""
+def _unknown(unknown: Mapping[str, Any], family: bool) -> list[Block]:
+    """Variables that matter, words, the nearest effect, told of a family, and a draft of one."""
     blocks: list[Block] = [TextBlock(f"What stays: {unknown['words']}.")]
     if unknown["variables"]:
         blocks.append(TextBlock(f"It follows: {', '.join(unknown['variables'])}."))
-    if (nearest := unknown["nearest"]) is not None:
+    if (nearest := unknown["nearest"]) is not None and not family:
         blocks.append(
             TextBlock(f"The nearest effect is {nearest['id']}: {nearest['share']:.0%} of it.")
         )

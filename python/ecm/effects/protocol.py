@@ -276,6 +276,10 @@ class Effect:
         form_of: Any = type(self)
         return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
+    def variants_to_fit(self, table: Table) -> tuple[Effect, ...]:
+        """Those of which a fit takes the best; here all."""
+        return self.variants(table)
+
     def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same beside a base that is known, with the means of its fit, or that is fitted too.
 

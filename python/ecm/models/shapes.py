@@ -197,7 +197,7 @@ def best_shape(
     Of its variants and what lies between them; of its richer forms where held-out rows ask for one.
     """
     whole = table.full
-    variants = effect.variants(whole)
+    variants = effect.variants_to_fit(whole)
     if len(variants) == 1 and not variants[0].refinement(whole):
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
