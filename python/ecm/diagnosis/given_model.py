@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -64,7 +65,8 @@ def reading_of_given_model(
     rows = np.flatnonzero(table.of_poses)
     rows = rows[evenly(len(rows), _ROWS)]
     part = table.select(rows)
-    whitener = whiteners(noise.covariance(Rows(part, model.base), model.base.error))
+    error = model.base.error
+    whitener = whiteners(noise.covariance(Rows(part, model.base), error))
     poses, wrench = _in_six(part, POSE, model.inputs), _in_six(part, WRENCH, model.outputs)
     moving, loaded = np.isin(POSE, model.inputs), np.isin(WRENCH, model.outputs)
     if not wrench.any():  # no reading of nothing is wrong
@@ -93,10 +95,17 @@ def reading_of_given_model(
     best = best_of(told, poses, wrench, squares, min(MENDED_SHARE**2 * now, most_error**2))
     if not best:
         return None
-    after = min(value for value, _ in best)
     if len(model.inputs) < len(POSE):
         # Of few columns turned axes are signs in other words: the simplest of the best.
-        best = [one for one in best if one[0] <= _SAME * after][:1]
+        least = min(value for value, _ in best)
+        best = [one for one in best if one[0] <= _SAME * least][:1]
+    # At poses that are none of the body's it may have any stiffness, and so the noise of a pose.
+    p, h = min(best, key=itemgetter(0))[1].change(poses, wrench)
+    columns = dict(zip(model.inputs, p[:, moving].T, strict=True))
+    whitener = whiteners(noise.covariance(Rows(part.with_columns(columns), model.base), error))
+    after = squares(None, p, h)
+    if after > most_error**2:
+        return None
     said = in_words([item for _, item in best])
     return WrongStatement(said, float(np.sqrt(now)), float(np.sqrt(after)))
 

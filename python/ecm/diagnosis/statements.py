@@ -308,6 +308,9 @@ def _errors(
         read = np.hstack(reading.change(table.matrix(POSE), table.wrenches))
         table = table.with_columns(dict(zip((*POSE, *WRENCH), read.T, strict=True)))
     fit = fit_or_none(base, (), table, problem.noise)
+    if fit is not None and reading is not None:
+        # Its weights were by the stiffness of the base before, which was of other poses.
+        fit = fit_or_none(fit.base, (), table, problem.noise)
     return (np.inf, np.inf) if fit is None else _left_over(problem, fit)
 
 

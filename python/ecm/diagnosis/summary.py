@@ -341,8 +341,10 @@ def _command(remedy: Mapping[str, Any] | None) -> str:
 def _next(document: Mapping[str, Any]) -> Iterator[str]:
     """What to do next, the most important first."""
     unknown = document["unknown"] or {}
-    if unknown.get("misread") or document["model"]["answer"] == "table":
-        yield "mend the table, and diagnose again"
+    if document["model"].get("statement") is not None:
+        yield "mend the table; where it is right, the model was fitted to one that was not: fit it"
+    elif unknown.get("misread") or document["model"]["answer"] == "table":
+        yield "mend the table or its description, fit the model again, and diagnose it"
     lacking = {item["record"] for item in document["not_testable"]}
     by_length = document["base"]["kind"] == "polynomial" and UNKNOWN_LENGTH.record in lacking
     whole = set(WRENCH) <= set(document["rmse"]["before"])
