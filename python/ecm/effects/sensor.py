@@ -9,7 +9,7 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,13 +82,19 @@ class CourseEffect(LinearEffect):
         """(N,) the course."""
         raise NotImplementedError(f"effect {self.id} has no course")
 
+    def courses(self, rows: Rows) -> Sequence[F]:
+        """Several of them, each with parameters of its own; here the one."""
+        return (self.course(rows),)
+
     def columns(self, rows: Rows) -> F:
-        """B g, or g on each output."""
-        course = self.course(rows)
+        """B g, or g on each output, course by course."""
+        courses = self.courses(rows)
         if self.outputs is None:
-            return np.asarray(rows.base_from_top * course[:, None, None])
+            parts = [rows.base_from_top * course[:, None, None] for course in courses]
+            return np.concatenate(parts, axis=2)
         names = self.outputs.split(",")
-        return np.stack([on_output(rows, name, course) for name in names], axis=2)
+        columns = [on_output(rows, name, course) for course in courses for name in names]
+        return np.stack(columns, axis=2)
 
 
 def _needs_two_zeros(table: Table) -> Missing | None:
@@ -107,8 +113,8 @@ class FtsOffset(FromAMoment, CourseEffect):
     """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted.
 
     Or from a run or a moment on, as after a new zero or a knock, or before a run that begins with a
-    right zero. Of single wrench columns it is told from the model by unloaded readings, or begins
-    with a run.
+    right zero; or of each run another one, beside that of the first. Of single wrench columns it is
+    told from the model by unloaded readings, or begins with a run.
 
     Parameters: *_offset: what this axis reads without a load.
     """
@@ -128,6 +134,8 @@ class FtsOffset(FromAMoment, CourseEffect):
 
     acts: str = optional("always")
     """`always`, `mounted`: not on the free sensor, or `before`: until the run `first_run`."""
+    runs: str = optional("")
+    """Runs, with commas between them, each with a zero of its own."""
     first_run: float | None = optional(None)
     """Run from which the zero is another one; negative, of single columns: all rows."""
     since_s: float | None = optional(None)
@@ -139,6 +147,9 @@ class FtsOffset(FromAMoment, CourseEffect):
             raise InputError(f"effect {self.id}: acts 'before' needs first_run, and no since_s")
         if self.since_s is not None:
             self.kind = "time"
+        if self.runs:
+            own = [(run, one) for run in self.runs.split(",") for one in self.parameters]
+            self.parameters = tuple(replace(p, name=f"run_{run}_{p.name}") for run, p in own)
         if self.outputs is not None:
             self.physics = (
                 "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
@@ -151,6 +162,8 @@ class FtsOffset(FromAMoment, CourseEffect):
             self.physics = "The sensor was zeroed wrongly up to one run: a constant in its axes."
         elif self.first_run is not None:
             self.physics = "The sensor has another zero from one run on: a constant in its axes."
+        if self.runs:
+            self.physics = "The sensor has another zero in each run: a constant."
 
     def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same; of single columns a known base tells it, which has its constant term."""
@@ -166,17 +179,30 @@ class FtsOffset(FromAMoment, CourseEffect):
         Of all six components also from a few moments on.
         """
         free = bool(table.unloaded.any())
-        runs = np.unique(table.column("run"))[1:_MOST_RUNS].tolist() if table.has("run") else []
+        every = np.unique(table.column("run")).tolist() if table.has("run") else []
+        runs = every[1:_MOST_RUNS]
+        each = ",".join(f"{run:g}" for run in runs) if 2 < len(every) <= _MOST_RUNS else ""
         if self.outputs is not None:
             outputs = ",".join(table.wrench_columns)
             begins = [-1.0] * (free or not self.requires) + runs
-            return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
+            steps = [FtsOffset(first_run=begin, outputs=outputs) for begin in begins]
+            return (*steps, *[FtsOffset(runs=each, outputs=outputs)] * bool(each))
         return (
             FtsOffset(),
             *[FtsOffset("mounted")] * free,
             *(FtsOffset(acts=acts, first_run=run) for run in runs for acts in ("always", "before")),
+            *[FtsOffset(runs=each)] * bool(each),
             *(FtsOffset(since_s=moment) for moment in step_times(table, self.moments)),
         )
+
+    def courses(self, rows: Rows) -> Sequence[F]:
+        """One, or in each of the runs; a later one, or a new table, has the last of their zeros."""
+        if not self.runs:
+            return super().courses(rows)
+        run = rows.table.column("run") if rows.table.has("run") else np.full(len(rows), np.inf)
+        known = np.array([float(one) for one in self.runs.split(",")])
+        run = np.minimum(run, known[-1])
+        return [(run == one).astype(np.float64) for one in known]
 
     def course(self, rows: Rows) -> F:
         """One; zero on the free sensor where it acts `mounted`, and before it begins."""
