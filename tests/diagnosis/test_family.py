@@ -362,3 +362,31 @@ def test_a_draft_on_the_way_of_an_input_runs_with_a_model_of_the_pose_alone() ->
     rows = Rows(table, ecm.fit(table.drop("pressure_1_Pa"), "linear").base)
     for text in texts:
         assert eval(text, {"np": np, "rows": rows}).shape == (160,)
+
+
+def test_friction_of_another_law_ends_in_a_model_that_a_controller_steps() -> None:
+    """A family has no name; the nearest known form brings the error down, and can be exported."""
+    poses, random = workspace_poses(60, 4), np.random.default_rng(2)
+    poses = np.repeat(poses, 2, axis=0)[random.permutation(120)]
+    limits = poses.std(axis=0) * 0.35
+    hold = np.array([6.0, 2.0, 2.0, 0.05, 0.1, 0.1])
+    stretch, rubs = np.zeros(6), np.zeros_like(poses)
+    for i in range(1, len(poses)):
+        # What sticks yields smoothly: no spring of the catalogue.
+        for part in np.diff(np.linspace(poses[i - 1], poses[i], 20), axis=0):
+            stretch += part * (1.0 - np.sign(part) * stretch / limits)
+        rubs[i] = hold * stretch / limits
+    noise = random.standard_normal(poses.shape) * np.repeat([0.3, 0.01], 3)
+    columns = columns_of(poses, wrench(poses) + rubs + noise)
+    columns["time_s"] = 20.0 * np.arange(120.0)
+    table = ecm.as_table(columns, meta=META)
+    given = ecm.fit(table, "energy4")
+    found = diagnose(given, table)
+    assert found.addition is not None, found.summary()
+    assert found.addition.effects == ("hysteresis",)
+    assert found.addition.after < 0.7 * found.addition.before
+    if not found.answer:
+        assert "the nearest known form" in found.summary().add
+    better = ecm.refit(given, table, add="hysteresis")
+    assert better.controller().effects.acting == ["hysteresis"]
+    assert not any("mend the figures" in words for words in found.warnings)

@@ -258,6 +258,24 @@ def test_a_sensor_that_was_zeroed_anew_between_two_runs_is_named_with_its_run() 
     assert found.held_out.after < 0.5 * found.held_out.before
 
 
+def test_a_sensor_that_is_zeroed_each_day_has_a_zero_for_each() -> None:
+    """Three days in one table: it was one step, and a drift through the others."""
+    run = np.repeat([0.0, 1.0, 2.0], 40)
+    zeros = np.array([np.zeros(6), [1.5, -1.0, 0.8, 0.03, -0.04, 0.05],
+                      [-0.6, 1.2, 1.4, -0.05, 0.02, 0.03]])  # fmt: skip
+    days = with_change(measured(5), zeros[run.astype(int)])
+    table = days.with_columns({"run": run, "time_s": 86400.0 * run + 20.0 * np.arange(120.0)})
+    model = fit_model(table, "energy4", force=True)
+    found = diagnose(model, table)
+    assert found.answer == (("fts_offset",),), found.summary()
+    assert found.effects[0].effect.shape["runs"] == "1,2"
+    assert found.effects[0].values == pytest.approx(zeros[1:].ravel(), abs=0.3)
+    # Another table has the zero that was taken last.
+    fresh = measured(7)
+    last = found.effects[0].effect.correction(Rows(fresh, physics()), found.effects[0].values)
+    assert last.mean(axis=0) == pytest.approx(zeros[2], abs=0.3)
+
+
 def test_a_wrong_zero_that_was_mended_before_the_second_run_is_no_drift() -> None:
     """A wrong zero in all rows and a drift back to nothing were named; neither foretells a row."""
     late, zero = np.arange(120) >= 80, [1.5, -1.0, 0.8, 0.03, -0.04, 0.05]

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import ecm
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.procedure import find_missing
+from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.description import Scene
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
+from ecm.models.physics.refit import PhysicsModel
+from ecm.models.refit import refuse_worse
 from support.campaigns import META, NOISE, workspace_poses
 from support.neck import columns_of
 from support.stand_in import L, rotation, wrench
@@ -159,6 +164,22 @@ def test_another_length_of_a_stated_body_is_no_other_origin(
     of_origin = "positions look measured from a point (6.0, " in found.sentence()
     assert (of_length, of_origin) == (change == "length", change == "origin")
     assert not any("E is" in words for words in found.warnings)
+
+
+def test_a_fit_of_a_body_of_another_length_is_refused_with_that_length(
+    neck_physics: PhysicsMap, tmp_path: Path
+) -> None:
+    """One of negative modulus, too: its file was saved, and no command could open it again."""
+    poses = workspace_poses(60, 7) - np.r_[0.0089, np.zeros(5)]
+    table = measured(poses, neck_physics.at(length_m=L - 0.0089).predict(poses))
+    said = r"; the length looks 0\.0945 m, stated as 0\.1034 m"
+    with pytest.raises(ComputationError, match=said):
+        ecm.fit(table, PhysicsModel(base=neck_physics))
+    pulls = Model(base=neck_physics.with_coefficients(np.array([-1e4, 0.49])))
+    with pytest.raises(ComputationError, match=rf"its modulus is -[\d.]+ times.*{said}"):
+        refuse_worse(pulls, table)
+    pulls.save(tmp_path / "forced.json")
+    ecm.compare(ecm.load_model(tmp_path / "forced.json"), table)
 
 
 @pytest.mark.parametrize("what", ["positions", "torque"])

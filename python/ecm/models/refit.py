@@ -29,9 +29,8 @@ from ecm.models.joint_fit import FittedEffect, joint_fit
 from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
-from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, physics_prior, refuse_negative
+from ecm.models.physics.refit import PhysicsModel, length_that_fits, physics_prior
 from ecm.models.registry import parse_model
 from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
@@ -137,8 +136,9 @@ def refuse_worse(
         refuse_addition(fitted, table, before)
     fitted = on_what_is_measured(fitted, table)
     errors, noise = errors_and_noise(fitted, table)
-    refuse_negative(whole_map(fitted.base), table.measured(), fitted.noise)
     reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
+    if isinstance(fitted.base, PhysicsMap) and fitted.base.factor < 0.0:
+        reasons.append(f"its modulus is {fitted.base.factor:.2g} times the stated one")
     if not reasons:
         return
     said, remedy = f"the fit is no model of these data: {'; '.join(reasons)}", CHOOSE
@@ -154,7 +154,7 @@ def refuse_worse(
             again,
             force=True,
         )
-    raise ComputationError(f"{said}{_why(fitted)}", remedy=remedy)
+    raise ComputationError(f"{said}{_why(fitted, table)}", remedy=remedy)
 
 
 def refuse_unless_forced(name: str, *given: Any, **known: Any) -> None:
@@ -166,11 +166,13 @@ def refuse_unless_forced(name: str, *given: Any, **known: Any) -> None:
         raise ComputationError(said, remedy=error.remedy) from None
 
 
-def _why(fitted: Model) -> str:
+def _why(fitted: Model, table: Table) -> str:
     """What a body leaves open: it has E and nu, and no coefficients to spare."""
     if fitted.base.kind != "physics":
         return ""
-    return "; [mechanism] states another body, or columns are misread (ecm check shows them)"
+    found = length_that_fits(fitted.base, table, fitted.noise)
+    other = "; [mechanism] states another body, or columns are misread (ecm check shows them)"
+    return found or other
 
 
 def refuse_addition(fitted: Model, table: Table, before: Model) -> None:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.effects.protocol import correction_of, jacobian_of
-from ecm.errors import ComputationError, EcmError, InputError, Remedy
-from ecm.io.arrays import F, svd
+from ecm.errors import EcmError, InputError
+from ecm.io.arrays import F, rms, rms_of_columns, svd
 from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
@@ -172,19 +172,22 @@ def length_sentence(base: PhysicsMap, fit: JointFit) -> str:
     return f"the length looks {length:.4g} m{''.join(beyond)}, stated as {base.length_m:.4g} m"
 
 
-def refuse_negative(base: StiffnessMap, table: Table, noise: Noise) -> None:
-    """Refuse a body that pulls where it should push, with the length that would mend it."""
-    if not isinstance(base, PhysicsMap) or base.factor > 0.0:
-        return
-    megapascal = 1e-6 * stated_body(base).young_modulus_Pa
-    said = f"these rows give the stated body E = {base.factor * megapascal:.3g} MPa, below zero"
-    fit = fit_with_length(base, table, noise)
-    if fit is not None and (modulus := 1e-6 * fit.base.coefficients[0]) > 0.0:
-        said += f"; {length_sentence(base, fit)}, with E = {modulus:.3g} MPa"
-    raise ComputationError(
-        f"{said}: the length, a sign or a unit is wrong in [mechanism] or in the table",
-        remedy=Remedy("look at signs and columns, and mend what is wrong", "ecm check DATA"),
+def length_that_fits(base: StiffnessMap, table: Table, noise: Noise) -> str:
+    """The length, E and nu of a body that errs a third of this fit to these rows, in words."""
+    if not isinstance(base, PhysicsMap):
+        return ""
+    measured = table.measured()
+    fit = fit_with_length(base, measured, noise)
+    if fit is None or not fit.base.coefficients[0] > 0.0:
+        return ""
+    read = measured.matrix(base.outputs)
+    size = np.maximum(rms_of_columns(read), 1e-300)
+    before, after = (
+        rms((read - one.predict(measured.matrix(base.inputs))) / size) for one in (base, fit.base)
     )
+    modulus, nu, _ = fit.base.coefficients
+    found = f"; {length_sentence(base, fit)}, with E = {1e-6 * modulus:.3g} MPa and nu = {nu:.3f}"
+    return found if after < before / 3.0 else ""
 
 
 @dataclass(frozen=True)
