@@ -38,7 +38,7 @@ from ecm.diagnosis.search import (
     bounded_estimate,
     delta_chi2,
 )
-from ecm.diagnosis.settings import CHANCE_DEVIATIONS
+from ecm.diagnosis.settings import CHANCE_DEVIATIONS, LEFT_SHARE
 from ecm.diagnosis.statements import WrongStatement
 from ecm.io.arrays import B, F, lstsq, rest_of
 from ecm.io.columns import JOINTS, unit_of
@@ -46,11 +46,6 @@ from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test, orth
 from ecm.regression.folds import repeat_cells
 from ecm.regression.history import row_before, speeds
 from ecm.regression.slow_noise import SlowNoise
-
-_LEFT_SHARE = 0.15
-"""Unknown beyond this share of the structure, less by what an effect must explain beyond another
-for each further one: right ones leave the misfit of their form, wrong ones come in numbers and
-leave more."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +134,7 @@ def leftover(problem: Problem, gate: Gate, effects: Candidates) -> Leftover:
     strong = after > problem.size * _least_strength(problem) ** 2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(gate.structure, delta_chi2(problem, effects))
-    allowed = max(0.0, _LEFT_SHARE - ONE_CAUSE_SHARE * (len(effects) - 1)) * before
+    allowed = max(0.0, LEFT_SHARE - ONE_CAUSE_SHARE * (len(effects) - 1)) * before
     allowed = max(allowed if effects else 0.0, ONE_CAUSE_SHARE * problem.held)
     # Chance adds to what is left: it must be more than the form of an effect may leave.
     spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))

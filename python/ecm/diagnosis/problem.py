@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from ecm.comparison.residuals import features, in_each_component
-from ecm.diagnosis.settings import DEFAULTS, FORM_SHARE, DiagnosisSettings
+from ecm.diagnosis.settings import DEFAULTS, FORM_SHARE, LEFT_SHARE, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.protocol import (
     ABSORBED,
@@ -305,19 +305,36 @@ def robust_weights(response: F, base: F, every: Sequence[ScoreColumns]) -> F:
     """Return (N,) weights: rows that no column explains and no Gaussian gives count less.
 
     Beside the base and the effects that explain most, as many as half of the readings can hold:
-    without these all rows that one effect touches were outliers.
+    without these all rows that one effect touches were outliers. What explains few rows that are
+    unlike all others, and leaves a part of them, is no effect but a likeness of them.
     """
     n, m = response.shape
     plain = Projection.of(base, np.ones(n))
     y = plain.flat(plain.rest(response))
     first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
     by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
+    alone = _weights_beside(response, base)
+    unlike = alone < _UNLIKE
+    if 0 < unlike.sum() <= _FEW_UNLIKE * n:
+        others = Projection.of(base, np.where(unlike, 0.0, 1.0))
+        z = others.flat(others.rest(response))
+        gains = others.explained_by_each([one.columns for _, one in by_gain], z)
+        least = (1.0 - LEFT_SHARE) * float(y @ y - z @ z)
+        by_gain = [
+            found
+            for found, elsewhere in zip(by_gain, gains, strict=True)
+            if found[0] >= least or elsewhere >= LEFT_SHARE * found[0]
+        ]
     effects = [one.columns for _, one in by_gain]
     ends = base.shape[2] + np.cumsum([block.shape[2] for block in effects])
     few = effects[: int(np.searchsorted(ends, n * m // 2))]
-    design = np.concatenate([base, *few], axis=2)
-    design /= _lengths(design)
-    flat, y = design.reshape(n * m, -1), response.ravel()
+    return _weights_beside(response, np.concatenate([base, *few], axis=2))
+
+
+def _weights_beside(response: F, columns: F) -> F:
+    """(N,) weights of rows by what columns (N, m, k) leave of them."""
+    n, m = response.shape
+    flat, y = (columns / _lengths(columns)).reshape(n * m, -1), response.ravel()
     limit, middle = outlying_squares(m)
     weights = np.ones(n)
     for _ in range(3):
@@ -333,6 +350,8 @@ def robust_weights(response: F, base: F, every: Sequence[ScoreColumns]) -> F:
     return weights
 
 
+_FEW_UNLIKE = 0.1
+"""Share of the rows up to which those that are unlike all others may be no measurements."""
 _MOST = 8
 """Effects that are taken out."""
 _OF_STATED_NOISE = 0.25

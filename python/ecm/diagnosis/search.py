@@ -22,7 +22,7 @@ from ecm.diagnosis.problem import (
     with_forms,
     with_more,
 )
-from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
+from ecm.diagnosis.settings import CHANCE_DEVIATIONS, FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I, rest_of
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
@@ -228,9 +228,13 @@ def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
 
 
 def takes_all(problem: Problem, chosen: Candidates, others: Candidates = ()) -> bool:
-    """Whether a set takes nearly all that base and others leave beyond a noise that is known."""
+    """Whether a set takes nearly all that base and others leave beyond a noise that is known.
+
+    Of what is more than chance: less is left by any set of several.
+    """
     after, before = (left_beyond_noise(problem, some) for some in (chosen, others))
-    return not problem.noise.is_assumed and after < SEPARABLE * before
+    chance = CHANCE_DEVIATIONS * float(np.sqrt(2.0 * problem.size))
+    return not problem.noise.is_assumed and before > chance and after < SEPARABLE * before
 
 
 def beyond_noise(problem: Problem) -> float:

@@ -18,6 +18,10 @@ FORM_SHARE = 0.06
 be the truth."""
 CHANCE_DEVIATIONS = 1.645
 """Standard deviations of what is left that may be chance: more is so in 1 of 20."""
+LEFT_SHARE = 0.15
+"""Unknown beyond this share of the structure, less by what an effect must explain beyond another
+for each further one: right ones leave the misfit of their form, wrong ones come in numbers and
+leave more."""
 REFUTED_SHARE = 0.15
 """A later run refutes a rival that leaves this share of what the effect explains there."""
 REFUTED_BY = 12.0
