@@ -230,11 +230,12 @@ def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
 def takes_all(problem: Problem, chosen: Candidates, others: Candidates = ()) -> bool:
     """Whether a set takes nearly all that base and others leave beyond a noise that is known.
 
-    Of what is more than chance: less is left by any set of several.
+    What it leaves is no more than chance, and what they leave is.
     """
     after, before = (left_beyond_noise(problem, some) for some in (chosen, others))
     chance = CHANCE_DEVIATIONS * float(np.sqrt(2.0 * problem.size))
-    return not problem.noise.is_assumed and before > chance and after < SEPARABLE * before
+    most = min(chance, SEPARABLE * before)
+    return not problem.noise.is_assumed and before > chance and after < most
 
 
 def beyond_noise(problem: Problem) -> float:
