@@ -233,7 +233,8 @@ class Diagnosis(Shown):
     """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
     addition: Addition | None = field(default=None, metadata={"optional": True})
-    """What the effects bring to the model that was given; None where none is named."""
+    """What the effects bring to the model that was given, of a family the nearest known one; None
+    where none is named."""
 
     def __str__(self) -> str:
         return f"{self.summary()}\n(.report().text(): {DETAILS})"

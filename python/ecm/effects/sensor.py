@@ -134,12 +134,12 @@ class FtsOffset(FromAMoment, CourseEffect):
 
     acts: str = optional("always")
     """`always`, `mounted`: not on the free sensor, or `before`: until the run `first_run`."""
-    runs: str = optional("")
-    """Runs, with commas between them, each with a zero of its own."""
     first_run: float | None = optional(None)
     """Run from which the zero is another one; negative, of single columns: all rows."""
     since_s: float | None = optional(None)
     """Time after which the zero is another one."""
+    runs: str = optional("")
+    """Runs, with commas between them, each with a zero of its own."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

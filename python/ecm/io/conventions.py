@@ -51,7 +51,7 @@ class Convention:
     of_pose_unit: bool = False
     """Whether the poses only get another size."""
     columns: Columns = ()
-    """The columns that change, where it is only that some are negated or exchanged."""
+    """The columns that change, where some are only negated, exchanged, or in another unit."""
 
 
 def conventions(length_m: float | None) -> Iterator[Convention]:
@@ -187,11 +187,18 @@ def _units() -> Iterator[Convention]:
     yield _scaled("the angles look divided by 57.3 once too often", angle=180 / np.pi)
 
 
+_PARTS = {
+    "position": POSE[:3], "angle": POSE[3:], "force": WRENCH[:3], "torque": WRENCH[3:]
+}  # fmt: skip
+
+
 def _scaled(words: str, **factors: float) -> Convention:
     """Return the convention in which parts of pose and wrench are so many times what is stated."""
     of_pose = not {"position", "angle"}.isdisjoint(factors)
     turns = {part: factor * np.eye(3) for part, factor in factors.items()}
-    return replace(_turned(words, **turns), of_pose=of_pose, of_pose_unit=of_pose)
+    columns = tuple((name, name, x) for part, x in factors.items() for name in _PARTS[part])
+    unit = replace(_turned(words, **turns), of_pose=of_pose, columns=columns)
+    return replace(unit, of_pose_unit=of_pose)
 
 
 def _turned(words: str, **turned: F) -> Convention:
@@ -199,7 +206,7 @@ def _turned(words: str, **turned: F) -> Convention:
 
     turned: that of the position, angle, force and torque; a part that is not named stays.
     """
-    turns = [turned.get(part, np.eye(3)) for part in ("position", "angle", "force", "torque")]
+    turns = [turned.get(part, np.eye(3)) for part in _PARTS]
 
     def change(poses: F, wrench: F) -> tuple[F, F]:
         parts = (poses[:, :3], poses[:, 3:], wrench[:, :3], wrench[:, 3:])
