@@ -257,7 +257,8 @@ def _check_time(columns: Columns, errors: RowErrors) -> list[str]:
     before = np.maximum.accumulate(time)[:-1] if len(time) else time
     for i in np.flatnonzero(time[1:] < before):
         found = f"{time[i + 1]:g} after {before[i]:g}"
-        errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
+        wanted = "a time that grows over the whole table, or a column run with a new value there"
+        errors.add(int(rows[i + 1]), "time_s", found, wanted)
     return warnings
 
 
