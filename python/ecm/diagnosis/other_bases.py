@@ -361,11 +361,12 @@ def _words(model: Model, first: Decision, decision: Decision) -> tuple[str, ...]
     base, before = decision.problem.base, first.problem.base
     if isinstance(before, PhysicsMap):
         left, after = error_of(first).rms, error_of(decision, first.problem).rms
+        again = "" if isinstance(whole_map(model.base), EnergyMap) else f"fit {base.name}, or "
         return (
             "the stated body is not the one that was measured: with E and nu free and all that has "
             f"a name it leaves {left:.3g} times the noise, a symmetric energy model {after:.3g}: "
             "elasticity or geometry that keeps the symmetry; names are against the energy model; "
-            "fit energy6, or mend [mechanism]",
+            f"{again}mend [mechanism]",
         )
     words = _LESS_SYMMETRY.get(symmetry_of(base), "")
     if not words or symmetry_of(base) == symmetry_of(before):
