@@ -8,6 +8,9 @@ import pytest
 import ecm
 from ecm.diagnosis.problem import noise_variance, significant_columns
 from ecm.diagnosis.procedure import find_missing
+from support.campaigns import META, workspace_poses
+from support.neck import columns_of
+from support.stand_in import wrench
 
 
 def clean_hinge(rows: int, seed: int) -> ecm.Table:
@@ -30,6 +33,23 @@ def test_few_rows_without_an_effect_give_no_name(rows: int) -> None:
         for table in (clean_hinge(rows, seed) for seed in range(100, 140))
     ]
     assert sum(verdict != "none" for verdict in found) <= 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wild_readings_are_no_effect(seed: int) -> None:
+    """Four of 60 rows: they hid the higher terms, and a stop was named that three rows touched."""
+    random, poses = np.random.default_rng([seed, 4]), workspace_poses(60, seed)
+    h = wrench(poses)
+    turns = poses[:, 3:]
+    h[:, 3:] += 10.0 * turns * (turns**2).sum(axis=1, keepdims=True) ** 2
+    sd = np.repeat([0.3, 0.01], 3)
+    h += sd * random.standard_normal(h.shape)
+    wild, where = random.choice(60, 4, replace=False), random.integers(0, 6, 4)
+    h[wild, where] += 60.0 * sd[where] * random.choice([-1.0, 1.0], 4)
+    table = ecm.as_table(columns_of(poses, h), meta=META)
+    found = find_missing(ecm.fit(table, "choose"), table)
+    assert found.verdict == "none", found.answer
+    assert set(found.problem.outlying_rows) == set(wild.tolist())
 
 
 def test_the_best_of_many_shapes_is_no_part_of_the_noise_it_is_compared_with() -> None:

@@ -372,7 +372,13 @@ def find_missing(
     if as_fitted is not None and is_explained(as_fitted):
         decision = as_fitted
     else:
-        first = against(choose_base(model, prepared.table.drop(*prepared.zero_columns)))
+        rows = prepared.table.drop(*prepared.zero_columns)
+        first = against(choose_base(model, rows))
+        if unlike := first.problem.outlying_rows:
+            # Wild readings hide the higher terms, and what lacks these looks like an effect.
+            others = choose_base(model, rows.select(np.delete(np.arange(len(rows)), unlike)))
+            if others.name != first.problem.base.name:
+                first = against(others)
         decision = against_other_bases(model, first, as_fitted, against, stages.describe)
 
     def of_rows(limits: DiagnosisSettings, slow: SlowPart) -> Decision:
