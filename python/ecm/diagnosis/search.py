@@ -22,7 +22,7 @@ from ecm.diagnosis.problem import (
     with_forms,
     with_more,
 )
-from ecm.diagnosis.settings import CHANCE_DEVIATIONS, FORM_SHARE, SEPARABLE
+from ecm.diagnosis.settings import FORM_SHARE, SEPARABLE
 from ecm.effects import Effect, Shape
 from ecm.io.arrays import B, F, I, rest_of
 from ecm.models.shapes import ColumnsOfParts, best_of, holds_out
@@ -227,15 +227,17 @@ def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
     return bool(special.chdtrc(len(at), gain / problem.scale) * sets < problem.settings.level)
 
 
-def takes_all(problem: Problem, chosen: Candidates, others: Candidates = ()) -> bool:
-    """Whether a set takes nearly all that base and others leave beyond a noise that is known.
+def takes_all(problem: Problem, chosen: Candidates) -> bool:
+    """Whether a set takes nearly all that the base leaves beyond a noise that is known.
 
-    What it leaves is no more than chance, and what they leave is.
+    A known rival of an effect of the model is but another form of it; so are other values of it.
     """
-    after, before = (left_beyond_noise(problem, some) for some in (chosen, others))
-    chance = CHANCE_DEVIATIONS * float(np.sqrt(2.0 * problem.size))
-    most = min(chance, SEPARABLE * before)
-    return not problem.noise.is_assumed and before > chance and after < most
+    rivals = {rival for own in problem.holds for rival in own.rivals}
+    own = {effect.id for effect in problem.holds}
+    if any(item.id in rivals | own or own.intersection(item.effect.rivals) for item in chosen):
+        return False
+    after, before = left_beyond_noise(problem, chosen), beyond_noise(problem)
+    return not problem.noise.is_assumed and after < SEPARABLE * before
 
 
 def beyond_noise(problem: Problem) -> float:
@@ -256,15 +258,13 @@ def left_beyond_noise(problem: Problem, chosen: Candidates) -> float:
 def explained_share(problem: Problem, chosen: Candidates, item: Candidate) -> float:
     """Return the share of a chosen effect in the delta chi² of all that are chosen.
 
-    What the form of the others leaves does not follow a recorded column that none of them follows,
-    and no other effect so closely that next to nothing of it is left: of an effect of that column,
-    or one that takes it all, it is the share in what they leave, however much they explain.
+    What the form of the others leaves does not follow a recorded column that none of them follows:
+    of an effect of that column it is the share in what they leave, however much they explain.
     """
     others = without(chosen, item)
     whole, known = delta_chi2(problem, chosen), delta_chi2(problem, others)
     gained = whole - known
-    alone = others and follows_alone(item.effect, [one.effect for one in others])
-    if alone or (others and takes_all(problem, chosen, others)):
+    if others and follows_alone(item.effect, [one.effect for one in others]):
         whole = problem.squares_beside_base / problem.scale - known
     return gained / max(whole, 1e-300)
 
@@ -327,21 +327,14 @@ def _surely_two(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
-    """Whether two effects explain more beyond chance than any single one, whose form is inexact.
-
-    Or take nearly all that it leaves: what a form leaves follows no other effect so closely.
-    """
+    """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
     settings = problem.settings
     total = delta_chi2(problem, pair)
     own = total - sum(item.parameters for item in pair)
     single = delta_chi2_of_each(problem, (), problem.candidates)
-    single = single - [candidate.parameters for candidate in problem.candidates]
-    best = int(np.argmax(single))
-    gain = own - max(0.0, float(single[best]))
-    if gain <= settings.least_bic:
-        return False
-    enough = gain > ONE_CAUSE_SHARE * total
-    return enough or takes_all(problem, pair, (problem.candidates[best],))
+    chance = np.array([candidate.parameters for candidate in problem.candidates])
+    least = max(settings.least_bic, ONE_CAUSE_SHARE * total)
+    return bool(own > (single - chance).max(initial=0.0) + least)
 
 
 def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:

@@ -176,11 +176,10 @@ class Hysteresis(LinearEffect):
             return (slipping[1], slipping[0], *slipping[2:])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
-    def variants_to_fit(self, table: Table) -> tuple[Effect, ...]:
-        """Springs that slip, where the path is known: a controller can step them."""
-        forms = self.variants(table)
-        slipping = [one for one in forms if one.shape.keys() & {"of", "yield_m", "slip"}]
-        return tuple(slipping) or forms
+    def variants_that_step(self, table: Table) -> tuple[Effect, ...]:
+        """Springs that slip, where the path is known."""
+        forms = () if self.of is not None else self.variants(table)
+        return tuple(one for one in forms if one.shape.keys() & {"yield_m", "slip"})
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours, and the share that is play."""

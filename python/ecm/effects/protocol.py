@@ -276,9 +276,9 @@ class Effect:
         form_of: Any = type(self)
         return tuple(form_of(*shape) for shape in self.shapes) or (self,)
 
-    def variants_to_fit(self, table: Table) -> tuple[Effect, ...]:
-        """Those of which a fit takes the best; here all."""
-        return self.variants(table)
+    def variants_that_step(self, table: Table) -> tuple[Effect, ...]:
+        """Those of several kinds that a controller can step: a fit tries their best as well."""
+        return ()
 
     def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same beside a base that is known, with the means of its fit, or that is fitted too.

@@ -185,8 +185,7 @@ class FtsOffset(FromAMoment, CourseEffect):
         if self.outputs is not None:
             outputs = ",".join(table.wrench_columns)
             begins = [-1.0] * (free or not self.requires) + runs
-            steps = [FtsOffset(first_run=begin, outputs=outputs) for begin in begins]
-            return (*steps, *[FtsOffset(runs=each, outputs=outputs)] * bool(each))
+            return tuple(FtsOffset(first_run=begin, outputs=outputs) for begin in begins)
         return (
             FtsOffset(),
             *[FtsOffset("mounted")] * free,

@@ -194,14 +194,19 @@ def best_shape(
 ) -> Effect:
     """The shape of an effect that explains most of the residual of base and other effects.
 
-    Of its variants and what lies between them; of its richer forms where held-out rows ask for one.
+    Of its variants and what lies between them; of those that a controller can step where they
+    explain more or foretell better, and of its richer forms where held-out rows ask for one.
     """
     whole = table.full
-    variants = effect.variants_to_fit(whole)
+    variants = effect.variants(whole)
     if len(variants) == 1 and not variants[0].refinement(whole):
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
     most, best = best_of(place.value, variants, whole)
+    if (stepping := effect.variants_that_step(whole)) and best not in stepping:
+        more, other = best_of(place.value, stepping, whole)
+        if more > most or place.foretells_better(other, best):
+            most, best = more, other
     if forms := best.refinement(whole):
         more, richer = best_of(place.value, forms, whole)
         if more > most and place.foretells_better(richer, best):
