@@ -249,7 +249,8 @@ def test_diagnose_names_exchanged_chambers_with_a_command_that_mends_them(
         said = f"MISSING: no effect, the table looks misread: {one} and {two} look exchanged"
         assert missing.startswith(said)
         assert add == f"ADD IT:  ecm check {path} --mend"
-        assert after.startswith("NEXT:    mend the table")
+        mend = "mend the table or its description, fit the model again, and diagnose it"
+        assert after == f"NEXT:    {mend}"
         found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
         assert (found["verdict"], found["answer"]) == ("unknown", [])
     assert f"{one} and {two} look exchanged" in ecm_command("check", path).err

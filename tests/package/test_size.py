@@ -12,11 +12,12 @@ LIMITS = {
     "python/ecm": (44_849, 205),
     "benches": (6_085, 53),
     "examples": (1_516, 13),
-    "tests": (36_498, 240),
+    "tests": (36_499, 240),
     "crates": (34_627, 198),
 }
-"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise: a model
-as it was fitted to other rows is a base of a diagnosis (150 lines), and has a benchmark (170)."""
+"""Lines and files of each part; a change that needs fewer lowers its limit. The last rise:
+the length of a stated body is fitted, a zero of each run, wild readings choose no base (150 lines),
+springs side by side have steps (60)."""
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -288,8 +288,8 @@ class Comparison(Shown):
             why = nothing_follows(self.whitened_rms, self.neighbours_alike)
             if self.whitened_rms > NEAR_NOISE:
                 why += "; a diagnosis tests the known effects"
-            if self.is_as_known and self.whitened_rms > NEAR_NOISE:
-                why = "as much as its coefficients err on rows that it was not fitted to"
+                if self.is_as_known:
+                    why = "as much as its coefficients err on rows that it was not fitted to"
             return f"{errs}, {why}."
         if behind is not None:
             return (

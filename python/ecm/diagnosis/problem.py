@@ -313,8 +313,7 @@ def robust_weights(response: F, base: F, every: Sequence[ScoreColumns]) -> F:
     y = plain.flat(plain.rest(response))
     first = best_of_each(every, plain.explained_by_each([one.columns for one in every], y))
     by_gain = sorted(first.values(), key=lambda found: found[0], reverse=True)
-    alone = _weights_beside(response, base)
-    unlike = alone < _UNLIKE
+    unlike = _weights_beside(response, [base]) < _UNLIKE
     if 0 < unlike.sum() <= _FEW_UNLIKE * n:
         others = Projection.of(base, np.where(unlike, 0.0, 1.0))
         z = others.flat(others.rest(response))
@@ -328,13 +327,15 @@ def robust_weights(response: F, base: F, every: Sequence[ScoreColumns]) -> F:
     effects = [one.columns for _, one in by_gain]
     ends = base.shape[2] + np.cumsum([block.shape[2] for block in effects])
     few = effects[: int(np.searchsorted(ends, n * m // 2))]
-    return _weights_beside(response, np.concatenate([base, *few], axis=2))
+    return _weights_beside(response, [base, *few])
 
 
-def _weights_beside(response: F, columns: F) -> F:
-    """(N,) weights of rows by what columns (N, m, k) leave of them."""
+def _weights_beside(response: F, blocks: Sequence[F]) -> F:
+    """(N,) weights of rows by what blocks of columns (N, m, k) leave of them."""
     n, m = response.shape
-    flat, y = (columns / _lengths(columns)).reshape(n * m, -1), response.ravel()
+    design = np.concatenate(blocks, axis=2)
+    design /= _lengths(design)
+    flat, y = design.reshape(n * m, -1), response.ravel()
     limit, middle = outlying_squares(m)
     weights = np.ones(n)
     for _ in range(3):

@@ -147,9 +147,6 @@ class FtsOffset(FromAMoment, CourseEffect):
             raise InputError(f"effect {self.id}: acts 'before' needs first_run, and no since_s")
         if self.since_s is not None:
             self.kind = "time"
-        if self.runs:
-            own = [(run, one) for run in self.runs.split(",") for one in self.parameters]
-            self.parameters = tuple(replace(p, name=f"run_{run}_{p.name}") for run, p in own)
         if self.outputs is not None:
             self.physics = (
                 "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
@@ -164,6 +161,8 @@ class FtsOffset(FromAMoment, CourseEffect):
             self.physics = "The sensor has another zero from one run on: a constant in its axes."
         if self.runs:
             self.physics = "The sensor has another zero in each run: a constant."
+            own = [(run, one) for run in self.runs.split(",") for one in self.parameters]
+            self.parameters = tuple(replace(p, name=f"run_{run}_{p.name}") for run, p in own)
 
     def beside_base(self, known: Mapping[str, float] | None) -> Effect:
         """The same; of single columns a known base tells it, which has its constant term."""
