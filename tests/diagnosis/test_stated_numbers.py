@@ -166,6 +166,30 @@ def test_another_length_of_a_stated_body_is_no_other_origin(
     assert not any("E is" in words for words in found.warnings)
 
 
+@pytest.mark.parametrize("drift_N", [0.0, 3.0])
+@pytest.mark.parametrize("shrunk", ["length", "both"])
+def test_sizes_that_are_a_little_off_are_said_with_their_values(
+    neck_physics: PhysicsMap, shrunk: str, drift_N: float
+) -> None:
+    """A body that shrank in its mould: an energy took its place, and nobody was told the sizes.
+
+    Mended sizes come first: a drift beside them is named after that, and so is a diameter that is
+    off by less than the drift.
+    """
+    length, width = 0.97 * L, 0.066 * (0.97 if shrunk == "both" else 1.0)
+    poses = workspace_poses(60, 7) - np.r_[0.03 * L, np.zeros(5)]
+    h = neck_physics.at(length_m=length, diameter_m=width).predict(poses)
+    h[:, 2] += np.linspace(0.0, drift_N, 60)
+    table = measured(poses, h).with_columns({"time_s": 20.0 * np.arange(60.0)})
+    found = diagnose(Model(base=neck_physics), table)
+    assert found.answer == ()
+    said = dict(re.findall(r"the (\w+) looks ([\d.]+) m, stated as", found.summary().missing))
+    assert float(said["length"]) == pytest.approx(length, rel=2e-3)
+    assert ("diameter" in said) == (shrunk == "both" and not drift_N)
+    if "diameter" in said:
+        assert float(said["diameter"]) == pytest.approx(width, rel=2e-3)
+
+
 def test_a_fit_of_a_body_of_another_length_is_refused_with_that_length(
     neck_physics: PhysicsMap, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from ecm.diagnosis.left_over import residual_after
 from ecm.diagnosis.problem import Candidates, Problem, Projection
 from ecm.diagnosis.search import delta_chi2, held_out_rms, kind_of, without
-from ecm.diagnosis.statements import modulus_warning, ratio_warning
+from ecm.diagnosis.statements import EQUAL, WrongStatement, modulus_warning, ratio_warning
 from ecm.diagnosis.verdict import Decision, Describe
 from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
@@ -34,6 +34,7 @@ from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.refit import fit_with_sizes, sizes_sentence
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.refit import FAR_BEYOND_NOISE, is_far_behind
 from ecm.models.specimen import OtherSpecimen
@@ -102,8 +103,6 @@ def against_other_bases(
         The stage that describes what is left.
     """
     said, decision = first.statement, first
-    if first.misread and said is None:
-        return first
     if known is not None and error_of(known).beyond <= error_of(first).beyond:
         decision = known
     for base in bases_to_try(model, first):
@@ -114,6 +113,11 @@ def against_other_bases(
     decision = _of_fewer_degrees(decision, against)
     if decision is first or decision is known:
         return decision
+    stated, base = first.problem.base, decision.problem.base
+    if isinstance(stated, PhysicsMap) and isinstance(base, PhysicsMap):
+        return _with_sizes(
+            first, decision, sizes_sentence(stated, base, decision.problem.fit.covariance), describe
+        )
     words = _words(model, first, decision)
     decision = replace(decision, warnings=(*words, *([f"or {said.sentence()}"] if said else [])))
     if decision.verdict == "none" and isinstance(first.problem.base, PhysicsMap):
@@ -129,8 +133,11 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
     """
     problem, table = first.problem, first.problem.table
     base = whole_map(problem.base)
+    if first.misread and first.statement is None:
+        return _of_other_sizes(first)  # a body of a wrong length may have any E and nu
     left, noise = error_of(first).rms, _noise(problem)
     makers: list[Callable[[], StiffnessMap | None]] = []
+    sized: list[StiffnessMap] = []
     if isinstance(base, ActuatedMap):
         makers += [partial(symmetric_energy, table)] if base.terms.body != "alike" else []
     elif first.verdict == "none":
@@ -141,12 +148,32 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
             makers.append(partial(more_degrees, problem.base, table))
     elif left > NEAR_NOISE * noise:
         makers += _other_forms(whole_map(model.base), first)
+        sized = _of_other_sizes(first)
     found: dict[str, StiffnessMap] = {}
     for make in makers:
         with suppress(ModelError, InputError):  # the rows do not hold its coefficients
             if (other := make()) is not None and other.name != problem.base.name:
                 found.setdefault(other.name, other)
-    return sorted(found.values(), key=lambda other: len(other.coefficients))
+    return sorted([*sized, *found.values()], key=lambda other: len(other.coefficients))
+
+
+def _of_other_sizes(first: Decision) -> list[StiffnessMap]:
+    """Return a stated body with its length and diameter free as well."""
+    problem = first.problem
+    if not isinstance(problem.base, PhysicsMap):
+        return []
+    fit = fit_with_sizes(problem.base, problem.table, problem.noise)
+    return [] if fit is None else [fit.base]
+
+
+def _with_sizes(first: Decision, decision: Decision, what: str, describe: Describe) -> Decision:
+    """Return that sizes of the body are not as stated, in these words: they are mended first."""
+    problem, said = first.problem, first.statement
+    before, after = error_after(problem, ()).rms, error_after(decision.problem, (), problem).rms
+    if said is not None and said.error_after**2 <= EQUAL * after**2:
+        what = f"{what}, or {said.what}"
+    wrong = WrongStatement(what, before, after)
+    return first.without_names(describe, wrong.sentence(), statement=wrong, misread=True)
 
 
 def _of_fewer_degrees(decision: Decision, against: Against) -> Decision:
@@ -343,6 +370,8 @@ class _Pair:
     def is_better(self, again: Decision) -> bool:
         """Whether its answer is better, by its error and by that on rows that were held out."""
         names, own = again.accepted.effects, self.found.accepted.effects
+        if isinstance(self.base, PhysicsMap) and again.misread:
+            return False  # another size with which E or nu cannot be true
         if self.error(again) >= self.most or (self.of_form and len(names) > len(own)):
             return False
         kind = kind_of((*names, *own))

@@ -33,7 +33,7 @@ from ecm.io.table import Table
 from ecm.models.joint_fit import FittedEffect, JointFit, joint_fit
 from ecm.models.maps import EnergyMap, EnergyTerms, StiffnessMap
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import fit_with_length, length_sentence, stated_body
+from ecm.models.physics.refit import stated_body
 from ecm.models.refit import FAR_BEYOND_NOISE
 from ecm.regression.f_test import orthonormal
 from ecm.regression.folds import repeat_cells
@@ -252,27 +252,14 @@ def find_wrong_statement(
         return None
     for body in bodies:
         best = best_readings(body, poses, wrench, length)
-        tried = [(in_words(best), *_errors(problem, body, best[0]))] if best else []
-        tried += _of_another_length(problem, body)
-        better = [one for one in tried if one[1] <= min(MENDED_SHARE * before, most)]
-        if better:
-            # Fitted as stated only where a reading may be said: most that are tried are not.
-            limit = MENDED_SHARE * _errors(problem, body, None)[1]
-            better = [one for one in better if one[2] <= limit]
-        if better:
-            least = min(mended for _, mended, _ in better)
-            alike = (words for words, mended, _ in better if mended**2 <= EQUAL * least**2)
-            return WrongStatement(", or ".join(alike), before, least)
+        if not best:
+            continue
+        mended, left = _errors(problem, body, best[0])
+        better = mended <= min(MENDED_SHARE * before, most)
+        # Fitted as stated only where the reading may be said: most that are tried are not.
+        if better and left <= MENDED_SHARE * _errors(problem, body, None)[1]:
+            return WrongStatement(in_words(best), before, mended)
     return None
-
-
-def _of_another_length(problem: Problem, base: StiffnessMap) -> Iterator[tuple[str, float, float]]:
-    """Yield the length that a stated body would have, with what it then leaves, as `_errors`."""
-    if not isinstance(base, PhysicsMap):
-        return
-    fit = fit_with_length(base, problem.table, problem.noise)
-    if fit is not None:
-        yield length_sentence(base, fit), *_left_over(problem, fit)
 
 
 def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
@@ -311,11 +298,9 @@ def _errors(
     if fit is not None and reading is not None:
         # Its weights were by the stiffness of the base before, which was of other poses.
         fit = fit_or_none(fit.base, (), table, problem.noise)
-    return (np.inf, np.inf) if fit is None else _left_over(problem, fit)
-
-
-def _left_over(problem: Problem, fit: JointFit) -> tuple[float, float]:
-    size = _sizes(fit.rows.table.wrenches[problem.scored])
+    if fit is None:
+        return np.inf, np.inf
+    size = _sizes(table.wrenches[problem.scored])
     return _most_rows(fit.whitened[problem.scored]), _most_rows(fit.residual[problem.scored] / size)
 
 

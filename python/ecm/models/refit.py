@@ -30,7 +30,7 @@ from ecm.models.maps import CHOOSE, EnergyMap, PolynomialMap
 from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import PhysicsModel, length_that_fits, physics_prior
+from ecm.models.physics.refit import PhysicsModel, physics_prior, sizes_that_fit
 from ecm.models.registry import parse_model
 from ecm.models.specimen import of_other_specimen, said_of, specimen_of
 from ecm.regression.blas import one_blas_thread
@@ -170,7 +170,7 @@ def _why(fitted: Model, table: Table) -> str:
     """What a body leaves open: it has E and nu, and no coefficients to spare."""
     if fitted.base.kind != "physics":
         return ""
-    found = length_that_fits(fitted.base, table, fitted.noise)
+    found = sizes_that_fit(fitted.base, table, fitted.noise)
     other = "; [mechanism] states another body, or columns are misread (ecm check shows them)"
     return found or other
 

@@ -18,6 +18,7 @@ from ecm.io.arrays import F, rms, rms_of_columns, svd
 from ecm.io.events import Progress, tell_part
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
+from ecm.models.errors import BETTER
 from ecm.models.joint_fit import (
     CoefficientPrior,
     FittedEffect,
@@ -52,7 +53,9 @@ MEASURES: dict[str, tuple[str, str, float]] = {
 """Symbol, unit and factor of what is shown of a body."""
 
 
-_MODULUS = PARAMETERS[0]
+(_MODULUS, _NU), SIZES = PARAMETERS[:2], PARAMETERS[2:]
+_SIZE_DEVIATIONS = 4.0
+"""Standard deviations by which a size must differ from the stated one to be said."""
 
 
 def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
@@ -135,24 +138,33 @@ def refit_physics(
     return found
 
 
-def fit_with_length(base: PhysicsMap, table: Table, noise: Noise) -> JointFit | None:
-    """Fit E, nu and the length together; None without a family, or where there is no fit.
+def fit_with_sizes(base: PhysicsMap, table: Table, noise: Noise) -> JointFit | None:
+    """Fit E, nu and the length together; the diameter too, where that leaves far less.
 
-    From the stated values on: E and nu that were fitted beside a wrong length may be anything.
+    From the stated values on: E and nu that were fitted beside a wrong size may be anything. None
+    without a family, or where there is no fit.
     """
     if base.family is None or base.values is None:
         return None
     stated = stated_body(base)
-    free = {
-        _MODULUS: stated.young_modulus_Pa,
-        "poisson_ratio": stated.poisson_ratio,
-        "length_m": base.length_m,
-    }
-    try:
-        begin = base.with_free(*free).with_coefficients(np.array([*free.values()]))
-        return joint_fit(begin, (), table, noise)
-    except (EcmError, np.linalg.LinAlgError):
-        return None
+    found: JointFit | None = None
+    for free in (PARAMETERS[:3], PARAMETERS):
+        values = {**base.values, _MODULUS: stated.young_modulus_Pa, _NU: stated.poisson_ratio}
+        begin = np.array([values[name] for name in free])
+        try:
+            fit = joint_fit(base.with_free(*free).with_coefficients(begin), (), table, noise)
+        except (EcmError, np.linalg.LinAlgError):
+            continue
+        # Of a slender rod nothing but the shear tells a diameter from E and nu.
+        sure = isinstance(fit.base, PhysicsMap) and _NU not in _at_limit(fit.base)
+        if found is None or (sure and beyond_noise(fit) < BETTER * beyond_noise(found)):
+            found = fit
+    return found
+
+
+def beyond_noise(fit: JointFit) -> float:
+    """Mean square over the noise beyond it."""
+    return max(float((fit.whitened**2).mean()) - 1.0, 0.0)
 
 
 def stated_body(base: PhysicsMap) -> Mechanism:
@@ -161,33 +173,43 @@ def stated_body(base: PhysicsMap) -> Mechanism:
     return stated_rod(stated) if stated.builtin == "rod" else stated
 
 
-def length_sentence(base: PhysicsMap, fit: JointFit) -> str:
-    """The length of `fit_with_length` beside the stated one, in words."""
-    length, ends = fit.base.coefficients[-1], base.with_free("length_m").bounds
-    beyond = [
-        more
-        for more, end in zip((" or less", " or more"), ends, strict=True)
-        if np.isclose(length, end[0])
+def sizes_sentence(base: PhysicsMap, other: PhysicsMap, covariance: F) -> str:
+    """Sizes of a body that was fitted with its sizes beside the stated ones, in words.
+
+    Those that differ by no more than chance are left out.
+    """
+    values, spread = other.coefficients, np.sqrt(np.diag(covariance))
+    stated, ends = base.values or {}, np.array(other.bounds).T
+    sizes = [(place, name) for place, name in enumerate(other.free) if name in SIZES]
+    sure = [
+        (place, name)
+        for place, name in sizes
+        if abs(values[place] - stated[name]) >= _SIZE_DEVIATIONS * spread[place]
     ]
-    return f"the length looks {length:.4g} m{''.join(beyond)}, stated as {base.length_m:.4g} m"
+    said = []
+    for place, name in sure or sizes:
+        value = values[place]
+        beyond = np.select(np.isclose(value, ends[place]), (" or less", " or more"), "")
+        size = name.removesuffix("_m")
+        said.append(f"the {size} looks {value:.4g} m{beyond}, stated as {stated[name]:.4g} m")
+    return " and ".join(said)
 
 
-def length_that_fits(base: StiffnessMap, table: Table, noise: Noise) -> str:
-    """The length, E and nu of a body that errs a third of this fit to these rows, in words."""
+def sizes_that_fit(base: StiffnessMap, table: Table, noise: Noise) -> str:
+    """The sizes, E and nu of a body that errs a third of this fit to these rows, in words."""
     if not isinstance(base, PhysicsMap):
         return ""
     measured = table.measured()
-    fit = fit_with_length(base, measured, noise)
-    if fit is None or not fit.base.coefficients[0] > 0.0:
-        return ""
-    read = measured.matrix(base.outputs)
+    read, poses = measured.matrix(base.outputs), measured.matrix(base.inputs)
     size = np.maximum(rms_of_columns(read), 1e-300)
-    before, after = (
-        rms((read - one.predict(measured.matrix(base.inputs))) / size) for one in (base, fit.base)
-    )
-    modulus, nu, _ = fit.base.coefficients
-    found = f"; {length_sentence(base, fit)}, with E = {1e-6 * modulus:.3g} MPa and nu = {nu:.3f}"
-    return found if after < before / 3.0 else ""
+    before = rms((read - base.predict(poses)) / size)
+    fit = fit_with_sizes(base, measured, noise)
+    if fit is None or not isinstance(fit.base, PhysicsMap) or not fit.base.factor > 0.0:
+        return ""
+    modulus, nu = fit.base.coefficients[:2]
+    found = sizes_sentence(base, fit.base, fit.covariance)
+    found = f"; {found}, with E = {1e-6 * modulus:.3g} MPa and nu = {nu:.3f}"
+    return found if rms((read - fit.base.predict(poses)) / size) < before / 3.0 else ""
 
 
 @dataclass(frozen=True)
