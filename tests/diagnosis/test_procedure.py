@@ -13,9 +13,8 @@ from ecm.diagnosis.left_over import gate, leftover
 from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.problem import assemble
 from ecm.diagnosis.result import report
-from ecm.diagnosis.search import rank, search, takes_all
+from ecm.diagnosis.search import rank, search
 from ecm.diagnosis.verdict import Decision, verdict
-from ecm.effects import get_effect
 from ecm.errors import InputError
 from ecm.io.settings import meanings
 from ecm.models.fit import choose_base
@@ -100,11 +99,3 @@ def test_the_ranking_is_a_table_and_a_figure(found: Diagnosis) -> None:
     lines, more = str(found).rsplit("\n", 1)
     assert lines == str(found.summary())
     assert more.startswith("(.report().text(): ")
-
-
-def test_a_known_rival_of_the_models_own_effect_takes_nothing_away_from_its_form() -> None:
-    found = find_missing(model(), campaign("fts_offset"))
-    problem, effects = found.problem, found.accepted.effects
-    assert takes_all(problem, effects)
-    for own in ("cable_drag", "tip_frame_misalignment"):  # one that names it, one that it names
-        assert not takes_all(replace(problem, holds=(get_effect(own),)), effects)

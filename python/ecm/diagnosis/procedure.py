@@ -58,16 +58,17 @@ from ecm.diagnosis.problem import (
 )
 from ecm.diagnosis.result import Diagnosis, report
 from ecm.diagnosis.search import Ranked, delta_chi2, rank, richer_forms, search, without
-from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.settings import DEFAULTS, SEPARABLE, DiagnosisSettings
 from ecm.diagnosis.statements import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.verdict import Decision, Describe, is_unlikely, probability, verdict
 from ecm.effects import Effect
-from ecm.errors import ModelError
+from ecm.errors import EcmError, ModelError
 from ecm.io.arguments import listed
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.fit import as_model, choose_base
 from ecm.models.known import KnownMap, known_map
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
+from ecm.models.measured_poses import has_rows_of_fit
 from ecm.models.model import Model
 from ecm.models.partial import whole_map
 from ecm.models.refit import addition_to, is_far_behind
@@ -389,7 +390,36 @@ def find_missing(
 
     if decision.verdict != "none" and not decision.misread:
         decision = _with_family(in_slow_noise(decision, of_rows, stages), stages.describe)
+    beside = None if decision.answer else _beside_the_rest(model, table, decision)
+    if beside is not None:
+        again = find_missing(
+            beside, table, seed=seed, effects=effects, noise=noise, settings=settings, stages=stages
+        )
+        return again if again.answer else decision
     return decision
+
+
+def _beside_the_rest(model: Model, table: Table, decision: Decision) -> Model | None:
+    """Return the model as it is beside the effect that explains most of what it leaves.
+
+    Its own effects took in what they could of what is missing, which hides the rest of that. None
+    where the effect, fitted together with them, does not take nearly all beyond a known noise: what
+    the form of another one leaves, it would not.
+    """
+    problem, of_model = decision.problem, decision.prepared.of_model
+    best = next((one for one in decision.ranking if one.id not in of_model), None)
+    known = not problem.noise.is_assumed and bool(model.history)
+    limits = problem.settings
+    if best is None or not known or not of_model or not has_rows_of_fit(model, table):
+        return None
+    if best.p > limits.level or best.delta_bic < limits.least_bic:
+        return None
+    try:
+        both = model.add(best.candidate.effect).fit(table, with_ceiling=False)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+    before, after = (one.history[-1].held_out ** 2 - 1.0 for one in (model, both))
+    return both.remove(best.id) if max(after, 0.0) < SEPARABLE * before else None
 
 
 def _with_family(decision: Decision, describe: Describe) -> Decision:

@@ -230,11 +230,10 @@ def seen_in_repeats(problem: Problem, chosen: Candidates) -> bool:
 def takes_all(problem: Problem, chosen: Candidates) -> bool:
     """Whether a set takes nearly all that the base leaves beyond a noise that is known.
 
-    A known rival of an effect of the model is but another form of it; so are other values of it.
+    Other values of an effect of the model are no further cause.
     """
-    rivals = {rival for own in problem.holds for rival in own.rivals}
     own = {effect.id for effect in problem.holds}
-    if any(item.id in rivals | own or own.intersection(item.effect.rivals) for item in chosen):
+    if any(item.id in own for item in chosen):
         return False
     after, before = left_beyond_noise(problem, chosen), beyond_noise(problem)
     return not problem.noise.is_assumed and after < SEPARABLE * before
