@@ -609,7 +609,10 @@ class Model(Shown, EvaluatedModel):
         # What is right beside a bad shape of another effect need not be so beside a good one: it is
         # chosen again once the shapes beside it have changed.
         beside: dict[int, list[Effect]] = {}
-        for position, form in [*forms.items()] * _ROUNDS:
+        # Those that are new first: the others have shapes that were right before.
+        order = sorted(forms.items(), key=lambda item: item[0] not in new)
+        known = set(forms) - set(new)
+        for position, form in order * _ROUNDS:
             others = tuple(one for i, one in enumerate(shaped.effects) if i != position)
             shapes = [one.effect for one in others]
             if position not in beside:
@@ -617,9 +620,12 @@ class Model(Shown, EvaluatedModel):
             elif beside[position] == shapes:
                 continue
             beside[position] = shapes
+            present = shaped.effects[position].effect if position in known else None
             best = best_shape(
-                self.base, others, form, table, noise, freeze_base=frozen, kept=self.kept
-            )
+                self.base, others, form, table, noise,
+                freeze_base=frozen, kept=self.kept, present=present,
+            )  # fmt: skip
+            known.add(position)
             shaped = shaped._with_effects({position: best})
         return shaped
 

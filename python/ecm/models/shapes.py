@@ -170,16 +170,25 @@ class _Place:
         left = self.columns(shape)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ self.left)):
             return -np.inf
-        own, size = orthonormal(left), self.left.size
+        own = orthonormal(left)
         rest = float(self.left @ self.left) - float(((own.T @ self.left) ** 2).sum())
-        variance = max(1.0, rest / size)
-        return -size * math.log(variance) - rest / variance - len(shape.parameters) * math.log(size)
+        return _likelihood(rest, self.left.size, shape)
+
+    def fitted(self, shape: Effect) -> float:
+        """The same of what the shape leaves at its fitted size."""
+        left = self.fit(shape).whitened
+        return _likelihood(float((left**2).sum()), left.size, shape)
 
     def foretells_better(self, richer: Effect, plain: Effect) -> bool:
         """Whether a richer shape foretells the parts of the rows better than a plain one."""
         parts = [held_out_by_part(self.fit(shape)) for shape in (plain, richer)]
         squares = [part[0] for part in parts if part is not None]
         return len(squares) == 2 and holds_out(*squares)
+
+
+def _likelihood(squares: float, size: int, shape: Effect) -> float:
+    variance = max(1.0, squares / size)
+    return -size * math.log(variance) - squares / variance - len(shape.parameters) * math.log(size)
 
 
 def best_shape(
@@ -191,17 +200,29 @@ def best_shape(
     *,
     freeze_base: bool = False,
     kept: Mapping[str, Any] | None = None,
+    present: Effect | None = None,
 ) -> Effect:
     """The shape of an effect that explains most of the residual of base and other effects.
 
     Of its variants and what lies between them; of those that a controller can step where they
-    explain more or foretell better, and of its richer forms where held-out rows ask for one.
+    explain more or foretell better, and of its richer forms where held-out rows ask for one. The
+    present shape stays unless another explains more at its fitted size: tangents at none tell
+    little of a large effect.
     """
     whole = table.full
     variants = effect.variants(whole)
     if len(variants) == 1 and not variants[0].refinement(whole):
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
+    best = _best_by_tangent(place, variants, effect, whole)
+    if present is None or best == present or place.fitted(best) > place.fitted(present):
+        return best
+    return present
+
+
+def _best_by_tangent(
+    place: _Place, variants: Sequence[Effect], effect: Effect, whole: Table
+) -> Effect:
     most, best = best_of(place.value, variants, whole)
     if (stepping := effect.variants_that_step(whole)) and best not in stepping:
         more, other = best_of(place.value, stepping, whole)
