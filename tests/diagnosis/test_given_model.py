@@ -176,6 +176,26 @@ def test_rows_that_are_no_measurement_are_said_where_they_spoil_the_model(
     assert not any("unlike" in text for text in diagnose(fit_model(log, "cubic"), log).warnings)
 
 
+@pytest.mark.parametrize("unloaded", [0, 2])
+def test_rows_that_are_unlike_the_others_have_the_numbers_of_the_file(unloaded: int) -> None:
+    """A zero reading before them moved each by one: good rows were to be left out."""
+    table, random = measured(1, rows=120), np.random.default_rng(3)
+    strange = np.sort(random.choice(120, 5, replace=False))
+    force = table.column("fy_N").copy()
+    force[strange] += 40.0 * random.choice([-1.0, 1.0], 5)
+    columns = dict(table.columns) | {"fy_N": force}
+    kind = np.array(["unloaded"] * unloaded + ["pose"] * 120, dtype=object)
+    zeros = np.zeros(unloaded)
+    rows = {name: np.concatenate([zeros, column]) for name, column in columns.items()}
+    rows["x_m"][:unloaded] = L
+    rows["time_s"] = 9.0 * np.arange(120.0 + unloaded)
+    log = as_table(rows | {"kind": kind}, meta=table.meta)
+    said = diagnose(fit_model(log, "energy4"), log).warnings
+    (warning,) = (text for text in said if "rows are unlike all others" in text)
+    numbers = ", ".join(str(row + 1 + unloaded) for row in strange)
+    assert f"count less: {numbers};" in warning
+
+
 def test_a_better_form_is_said_where_few_glitches_hardly_change_its_fit() -> None:
     """A cubic of 504 coefficients errs far in all rows: to look at five of them is no remedy."""
     table, random = measured(1, rows=200), np.random.default_rng(3)

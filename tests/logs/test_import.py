@@ -431,6 +431,27 @@ def test_what_alone_grows_in_seconds_is_the_time_whatever_its_name() -> None:
     assert both.table["time_s"].tolist() == list(range(15))
 
 
+def test_what_kind_of_row_it_is_and_where_it_came_from_are_kept(
+    truth: dict[str, F], tmp_path: Path
+) -> None:
+    """As text they were left aside: zero readings became poses, and a slip had another name."""
+    given: dict[str, Any] = dict(truth) | {"pose_id": np.arange(ROWS)}
+    given["kind"] = np.array(["unloaded", "home", *["pose"] * (ROWS - 2)], dtype=object)
+    given["approach"] = np.array(["", "initial", *["3"] * (ROWS - 2)], dtype=object)
+    given["weather"] = np.array(["fair"] * ROWS, dtype=object)
+    backwards = {name: column[::-1] for name, column in given.items()}
+    pd.DataFrame(backwards).to_csv(tmp_path / "log.csv", index=False)
+    imported = import_log(tmp_path / "log.csv")
+    table = imported.table
+    assert table.text("kind").tolist() == given["kind"].tolist()  # in the order of time
+    assert table.text("approach").tolist() == given["approach"].tolist()
+    assert len(table.measured()) == ROWS - 2
+    assert any("'weather' is text" in note for note in imported.notes)
+    strange = backwards | {"kind": np.array(["warm"] * ROWS, dtype=object)}
+    other = import_log(pd.DataFrame(strange))
+    assert any("'kind' is text" in note for note in other.notes)
+
+
 def test_structs_that_hold_the_same_columns_are_logs_of_their_own() -> None:
     log = {f"{one}.{name}": np.arange(15.0) * 1e-3
            for one in ("a.low", "a.high", "b.low") for name in ("t", "x_m", "fx_N")}  # fmt: skip

@@ -173,7 +173,10 @@ def _by_another_clock(model: Model, table: Table, *, of_fit: bool) -> Iterator[s
         rows = f"all of these rows, {time_s.min():g} to {time_s.max():g} s, are"
         if not before.all():
             rows = f"{before.sum()} of these rows, up to that, are"
-            last = f"; where it did not come, ecm refit --remove {item.id}"
+            last = (
+                f"; where it did not come, ecm refit MODEL DATA --remove {item.id} --out "
+                "MODEL.json makes the model without it"
+            )
         yield (
             f"{item.id} acts after {moment:g} s by the clock of its fit: {rows} predicted as if "
             "it had not come yet; where they were read later, let their time_s go on from that of "

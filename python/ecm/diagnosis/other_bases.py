@@ -106,7 +106,7 @@ def against_other_bases(
     if known is not None and error_of(known).beyond <= error_of(first).beyond:
         decision = known
     for base in bases_to_try(model, first):
-        pair = _Pair(first, base, decision)
+        pair = _Pair(first, base, decision, given=_is_of_form(base, whole_map(model.base)))
         if pair.may_be_better():
             again = against(base)
             decision = again if pair.is_better(again) else decision
@@ -149,12 +149,20 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
     elif left > NEAR_NOISE * noise:
         makers += _other_forms(whole_map(model.base), first)
         sized = _of_other_sizes(first)
+    elif isinstance(base, EnergyMap) and isinstance(given := whole_map(model.base), EnergyMap):
+        # At the noise names stand, but against what was given: an energy of as few terms.
+        makers += [partial(energy_with, cast(Symmetry, given.model.symmetry), table)]
     found: dict[str, StiffnessMap] = {}
     for make in makers:
         with suppress(ModelError, InputError):  # the rows do not hold its coefficients
             if (other := make()) is not None and other.name != problem.base.name:
                 found.setdefault(other.name, other)
     return sorted([*sized, *found.values()], key=lambda other: len(other.coefficients))
+
+
+def _is_of_form(base: StiffnessMap, given: StiffnessMap) -> bool:
+    """Whether it is the energy of revolution that was given, which holds ends that differ."""
+    return symmetry_of(base) == symmetry_of(given) == "revolution"
 
 
 def _of_other_sizes(first: Decision) -> list[StiffnessMap]:
@@ -307,6 +315,8 @@ class _Pair:
     """The answer against the first base: errors are over its noise."""
     base: StiffnessMap
     found: Decision
+    given: bool = False
+    """Whether the model that was given has this form, which is likelier than names."""
 
     @property
     def problem(self) -> Problem:
@@ -335,7 +345,10 @@ class _Pair:
         """The error that it may have; a simpler one, or in place of another reading of the table,
         as much as that."""
         alike = self.more < 0 or self.of_form or self.found.statement is not None
-        return (1.0 + _ROUNDING if alike else BETTER) * self.error(self.found)
+        error = self.error(self.found)
+        if self.given and not alike:
+            return error - self.problem.settings.least_bic / self.problem.size
+        return (1.0 + _ROUNDING if alike else BETTER) * error
 
     def error(self, decision: Decision) -> float:
         """Return the error of an answer that counts."""

@@ -126,6 +126,7 @@ def prepare(
     same = "hash" not in training or was_trained_on(training, without_zero_readings(table))
     own = {one.id: OtherValues(one) for one in model.effects if not (same or one.frozen)}
     table = table.with_length(model.base.length_m or model.length_m)
+    table = replace(table, file_rows=table.numbers_in_file)  # rows keep the numbers that are told
     rows = rows_without_zero_readings(table)
     distinct = distinct_rows(table.select(rows))
     copies, rows = len(rows) - len(distinct), rows[distinct]

@@ -586,6 +586,11 @@ def require_columns(table: Table, need: Need | None) -> None:
                 "them in [columns] of a description (--meta FILE.toml).",
                 remedy=IMPORT_IT if word == "pose" else None,  # a table with poses was imported
             )
+    need_a_pose(table)
+
+
+def need_a_pose(table: Table) -> None:
+    """Refuse a table of home and unloaded rows alone."""
     if len(table.measured()) == 0:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
 

@@ -192,14 +192,29 @@ def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
     values = np.array([_label(cell) for cell in cells], dtype=object)
     if name == "kind":
         values[values == ""] = "pose"
-        for row in np.flatnonzero(~np.isin(values.astype(str), KINDS)):
-            errors.add(int(row), name, shown(values[row]), "pose, home or unloaded")
-    if name == "approach":
-        wanted = "initial, the pose_id of the pose before, or empty where it is unknown"
-        for place, text in enumerate(values.tolist()):
-            if text not in ("", "initial") and not text.isdecimal():
-                errors.add(place, name, shown(text), wanted)
+    for place, text in enumerate(values.tolist()):
+        if not is_word(name, text):
+            errors.add(place, name, shown(text), _WORDS[name])
     return values
+
+
+_WORDS = {
+    "kind": "pose, home or unloaded",
+    "approach": "initial, the pose_id of the pose before, or empty where it is unknown",
+}
+
+
+def is_word(name: str, text: str) -> bool:
+    """Whether a column of text may hold this.
+
+    Examples
+    --------
+    >>> is_word("kind", "home"), is_word("kind", "warm"), is_word("approach", "12")
+    (True, False, True)
+    """
+    if name == "kind":
+        return text in ("", *KINDS)
+    return name != "approach" or text in ("", "initial") or text.isdecimal()
 
 
 def _label(cell: Any) -> str:

@@ -17,7 +17,7 @@ from ecm.errors import EcmError, InputError, Remedy, shortened
 from ecm.io.arguments import check_arguments, listed, path_of
 from ecm.io.arrays import evenly
 from ecm.io.cache import file_sha256, write_atomically
-from ecm.io.columns import POSE, WRENCH
+from ecm.io.columns import POSE, TEXT, WRENCH
 from ecm.io.csv import BadRows, check_names, write_csv
 from ecm.io.description import Meta, as_meta, row_ranges, shown_ranges
 from ecm.io.events import Printed, Progress
@@ -228,6 +228,7 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
         notes += [doubt] if doubt else []
     usable, sorted_notes = sort_by_time(table, usable)
     notes += sorted_notes
+    texts = {name: table.pop(name) for name in TEXT if name in table}
     unwrap_angle(table, notes)
     time_notes, epoch_s = begin_time_at_zero(table)
     if "time_s" in mapped.columns:
@@ -265,7 +266,7 @@ def import_log(  # noqa: PLR0913 - one for each question that a log may raise
     kind = "continuous" if samples_s(table) else given.file.kind
     file = replace(given.file, kind=kind, epoch_s=epoch_s or given.file.epoch_s)
     described = replace(given, file=file, leave_out=left, origin=origin)
-    return ImportedLog(table, described, source, every, mapped.missing)
+    return ImportedLog(table | texts, described, source, every, mapped.missing)
 
 
 _MOST_TRIED = 24

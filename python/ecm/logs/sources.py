@@ -31,12 +31,12 @@ from numpy.typing import NDArray
 from ecm._native import rotation_matrices, rotation_vectors
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH, Unit, is_standard
+from ecm.io.columns import MAY_BE_EMPTY, POSE, TEXT, WHOLE, WRENCH, Unit, is_standard
 from ecm.io.description import shown_ranges
 from ecm.io.sanity import EPOCH_S
 from ecm.io.se3 import ORDERS, quaternions_of, vectors_of
 from ecm.io.settings import did_you_mean
-from ecm.io.validate import is_unsorted
+from ecm.io.validate import is_unsorted, is_word
 from ecm.logs.log import Log
 from ecm.logs.names import (
     SI,
@@ -419,7 +419,7 @@ def standard_columns(
     log: Log, mapped: ColumnMap, source: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
     """Standard columns, what each was read from, notes, and which rows hold a rotation."""
-    found: dict[str, F] = {}
+    found: dict[str, NDArray[Any]] = {}
     words: dict[str, str] = {}
     for name, entry in mapped.columns.items():
         values = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
@@ -436,8 +436,11 @@ def standard_columns(
         notes += [note] if note else []
     for column, name in mapped.own.items():
         found[name], words[name] = log.columns[column], f"{column}, kept as it is"
-    for name in log.text:
-        notes.append(f"column '{name}' is text and was left aside")
+    for name, cells in log.text.items():
+        if name in TEXT and all(is_word(name, str(cell)) for cell in cells):
+            found[name], words[name] = cells, name
+        else:
+            notes.append(f"column '{name}' is text and was left aside")
     if not any(name in found for name in (*POSE, *WRENCH)):
         raise Question(
             f"{source}: no pose and no wrench was found by name. Its columns:\n{ranges(log)}\n"

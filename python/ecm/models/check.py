@@ -26,7 +26,7 @@ from ecm.io.sanity import (
     zero_column_sentences,
     zero_columns,
 )
-from ecm.io.table import MetaLike, Table, TableLike, takes_table
+from ecm.io.table import MetaLike, Table, TableLike, need_a_pose, takes_table
 from ecm.models.actuated import misread
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.folds import repeated_poses
@@ -223,6 +223,7 @@ def check(table: TableLike, *, meta: MetaLike = None, progress: Progress | None 
     >>> result.noise, result.never_excited
     ('assumed', ())
     """
+    need_a_pose(table)
     steps = Steps({_COLUMNS: 2, _TESTABLE: 6, _REPEATS: 2, _SUSPECT: 2}, progress)
     steps.begin(_COLUMNS)
     columns = tuple(_column(name, values) for name, values in table.columns.items())
