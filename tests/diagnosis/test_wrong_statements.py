@@ -138,6 +138,27 @@ def test_the_point_that_is_said_goes_into_the_frames(
     assert np.abs(read_table(tmp_path / "log.csv").poses - poses).max() < 3e-4
 
 
+@pytest.mark.parametrize("mounted", ["fixed", "on the platform", "not read as of a sensor"])
+def test_a_sensor_that_is_mounted_at_an_angle(mounted: str) -> None:
+    """Axes that are turned by less than a quarter ended as time, cross-talk, or too few terms."""
+    sensor = Rotation.from_rotvec(np.radians([25.0, -4.0, 3.0]))
+
+    def change(poses: F, h: F) -> tuple[F, F]:
+        top = Rotation.from_rotvec(poses[:, 3:])
+        axes = sensor if mounted == "fixed" else top * sensor
+        read = np.hstack([axes.inv().apply(part) for part in np.hsplit(h, 2)])
+        if mounted == "on the platform":  # turned to the base as if its axes were those of the top
+            read = np.hstack([top.apply(part) for part in np.hsplit(read, 2)])
+        return poses, read
+
+    said = stated(change).sentence()
+    against = "base" if mounted == "fixed" else "top"
+    assert ("a force sensor that moves" in said) == (mounted == "not read as of a sensor")
+    found = re.search(rf"turned by \((.*)\) deg, .* those of the {against} \(state \w+", said)
+    assert found is not None, said
+    assert [float(angle) for angle in found[1].split(",")] == pytest.approx([25, -4, 3], abs=0.5)
+
+
 def test_a_turned_wrench_beside_a_body() -> None:
     """The physics base, with all effects of the catalogue to imitate it."""
     table = campaign("", 1.0, 4)

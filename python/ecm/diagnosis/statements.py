@@ -61,47 +61,110 @@ Left = Callable[[F, F], F]
 
 
 def moved_points(length_m: float, poses: F, wrench: F, left: Left) -> Iterator[Convention]:
-    """Yield the points of which the base leaves the least squares, one for each kind."""
+    """Yield the points, and turns, of which the base leaves the least squares, one a kind."""
+    point = length_m, 1e3, "mm"
+    turn = 1.0, float(np.degrees(1.0)), "deg, as a rotation vector,"
+    on_platform = (
+        "against those of the top (state top_from_sensor in [instrument] and wrench_axes = "
+        '"sensor" in [frames])'
+    )
     kinds = (
         (
             "the positions look measured from a point {0} away (take it from base_from_robot of "
             "[frames])",
-            True,
+            _moved_pose,
             False,
+            point,
         ),
         (
             "the pose looks that of another point of the top, {0} away (add it to top_from_tool of "
             "[frames])",
+            _moved_pose,
             True,
-            True,
+            point,
         ),
-        ("the torque looks taken about a point {0} away", False, False),
-        ("the torque looks taken about a point of the top {0} away", False, True),
+        ("the torque looks taken about a point {0} away", _moved_torque, False, point),
+        (
+            "the torque looks taken about a point of the top {0} away",
+            _moved_torque,
+            True,
+            point,
+        ),
+        (
+            "the axes of the force sensor look turned by {0} against those of the base (state "
+            'base_from_sensor and wrench_axes = "sensor" in [frames])',
+            _turned_wrench,
+            False,
+            turn,
+        ),
+        (
+            f"the axes of the force sensor look turned by {{0}} {on_platform}",
+            _turned_wrench,
+            True,
+            turn,
+        ),
+        (
+            "the wrench looks read in axes of a force sensor that moves, turned by {0} "
+            f"{on_platform}",
+            _read_by_sensor,
+            True,
+            turn,
+        ),
     )
-    for words, of_pose, of_top in kinds:
-        move = partial(_moved, of_pose, of_top)
-        at = _best_point(move, length_m, poses, wrench, left)
+    for words, change, of_top, (size, shown, unit) in kinds:
+        move = partial(change, of_top)
+        at = _best_point(move, size, poses, wrench, left)
         if at is None:
             continue
-        said = words.format(f"({', '.join(f'{1e3 * c:.1f}' for c in at)}) mm")
-        yield Convention(said, partial(move, at), of_pose)
+        said = words.format(f"({', '.join(f'{shown * c:.1f}' for c in at)}) {unit}")
+        yield Convention(said, partial(move, at), change is _moved_pose)
 
 
-def _moved(of_pose: bool, of_top: bool, at: F, poses: F, wrench: F) -> tuple[F, F]:
-    """Return poses and wrench of another point, which is fixed in the base or in the top."""
-    lever = rotation(poses[:, 3:]) @ at if of_top else np.broadcast_to(at, (len(poses), 3))
-    if of_pose:
-        return np.hstack([poses[:, :3] - lever, poses[:, 3:]]), wrench
-    return poses, np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
+def _lever(of_top: bool, at: F, poses: F) -> F:
+    """(N, 3) a point that is fixed in the base or in the top, in base axes."""
+    return rotation(poses[:, 3:]) @ at if of_top else np.broadcast_to(at, (len(poses), 3))
+
+
+def _moved_pose(of_top: bool, at: F, poses: F, wrench: F) -> tuple[F, F]:
+    """Return the poses of another point."""
+    return np.hstack([poses[:, :3] - _lever(of_top, at, poses), poses[:, 3:]]), wrench
+
+
+def _moved_torque(of_top: bool, at: F, poses: F, wrench: F) -> tuple[F, F]:
+    """Return the torques about another point."""
+    more = np.cross(_lever(of_top, at, poses), wrench[:, :3])
+    return poses, np.hstack([wrench[:, :3], wrench[:, 3:] + more])
+
+
+def _turned_wrench(of_top: bool, by: F, poses: F, wrench: F) -> tuple[F, F]:
+    """Return the wrench as a sensor reads it whose axes are turned by a rotation vector."""
+    turn = rotation(by[None])
+    if of_top:
+        top = rotation(poses[:, 3:])
+        turn = top @ turn @ np.swapaxes(top, 1, 2)
+    return poses, _in_axes(turn, wrench)
+
+
+def _read_by_sensor(of_top: bool, by: F, poses: F, wrench: F) -> tuple[F, F]:
+    """Return the wrench in base axes that was read in those of a sensor on the platform."""
+    return poses, _in_axes(rotation(poses[:, 3:]) @ rotation(by[None]), wrench)
+
+
+def _in_axes(turn: F, wrench: F) -> F:
+    """(N, 6) wrench of which force and torque are turned by matrices (N, 3, 3) or (1, 3, 3)."""
+    return np.hstack([(turn @ part[:, :, None])[:, :, 0] for part in np.hsplit(wrench, 2)])
 
 
 def _best_point(
-    move: Callable[[F, F, F], tuple[F, F]], length_m: float, poses: F, wrench: F, left: Left
+    move: Callable[[F, F, F], tuple[F, F]], size: float, poses: F, wrench: F, left: Left
 ) -> F | None:
-    """Return the point (3,) in m; None where it is too near, too far, or cannot be found."""
+    """Return the point (3,) in m; None where it is too near, too far, or cannot be found.
+
+    Or the turn in rad. Shares are of the length, or of a radian.
+    """
 
     def rest(shares: F) -> F:
-        return left(*move(length_m * shares, poses, wrench))
+        return left(*move(size * shares, poses, wrench))
 
     try:
         begin = min(_STARTS, key=lambda start: float((rest(start) ** 2).sum()))
@@ -109,7 +172,7 @@ def _best_point(
     except (EcmError, ValueError, np.linalg.LinAlgError):
         return None
     far = float(np.abs(found.x).max())
-    return length_m * found.x if _LEAST_SHARE < far < _MOST_SHARE else None
+    return size * found.x if _LEAST_SHARE < far < _MOST_SHARE else None
 
 
 EQUAL = 1.5
