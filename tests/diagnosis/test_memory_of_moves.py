@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
 from ecm.io.description import FileMeta, Instrument, Meta
-from ecm.io.table import as_table
+from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.refit import refit
 from support.neck import columns_of
@@ -103,6 +103,47 @@ def test_two_time_constants_beside_dwell_times_are_one_relaxation() -> None:
 
 
 @pytest.mark.parametrize("hidden", ["jump", ""])
+def rubber(friction_N: float, softening: float) -> Table:
+    """A log of a spring with two relaxations, friction of its guide, and a first loading that is
+    stiffer."""
+    random = np.random.default_rng(1)
+    time = 0.05 * np.arange(2400)
+    size = np.interp(time, [0.0, 40.0, 80.0, 120.0], [1.2, 2.0, 2.0, 1.0])
+    x = size * (2.0 / np.pi) * np.arcsin(np.sin(0.9 * time + 0.004 * time**2))
+    rates = np.diff(x, prepend=x[0])
+    load = 120.0 * x + 6.0 * x**3
+    for share, tau in ((25.0, 0.6), (18.0, 8.0)):
+        load += lfilter([share], [1.0, -np.exp(-0.05 / tau)], rates)
+    most = np.maximum.accumulate(np.abs(load))
+    load *= 1.0 - softening * np.tanh((most - np.abs(load)) / 120.0)
+    load += friction_N * np.tanh(rates / 1e-3) + random.normal(0.0, 1.5, len(time))
+    columns = {"time_s": time, "x_m": 1e-3 * x, "fx_N": load}
+    rig = Instrument(pose_position_sd_m=1e-7, force_sd_N=1.5)
+    return as_table(columns, meta=Meta(file=FileMeta(kind="continuous"), instrument=rig))
+
+
+def test_friction_that_hides_in_two_relaxations_is_found_beside_them() -> None:
+    """The relaxation took in what it could of it: nothing was named at 5.8 times the noise."""
+    table = rubber(14.0, 0.0)
+    model = refit(fit_model(table, "poly:3"), table, add="stress_relaxation")
+    assert model.history[-1].held_out > 2.0
+    said = diagnose(model, table)
+    assert said.answer == (("hysteresis",),), said.sentence()
+    assert said.addition is not None
+    assert said.addition.after is not None
+    assert said.addition.after < 1.15
+    again = diagnose(refit(model, table, add="hysteresis"), table)
+    assert not again.answer, again.sentence()
+
+
+def test_an_effect_more_takes_no_shape_from_the_others() -> None:
+    """The shapes of all were chosen anew beside a bad one of the new effect, and were worse."""
+    table = rubber(10.0, 0.25)
+    model = fit_model(table, "poly:3").add("mullins_softening", "stress_relaxation").fit(table)
+    more = model.add("hysteresis").fit(table)
+    assert more.history[-1].held_out < 0.95 * model.history[-1].held_out
+
+
 def test_an_effect_that_takes_all_beside_that_of_the_model_is_another_cause(hidden: str) -> None:
     """It had no name while it explained little of what the relaxation does."""
     random = np.random.default_rng(1)

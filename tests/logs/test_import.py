@@ -437,7 +437,7 @@ def test_what_kind_of_row_it_is_and_where_it_came_from_are_kept(
     """As text they were left aside: zero readings became poses, and a slip had another name."""
     given: dict[str, Any] = dict(truth) | {"pose_id": np.arange(ROWS)}
     given["kind"] = np.array(["unloaded", "home", *["pose"] * (ROWS - 2)], dtype=object)
-    given["approach"] = np.array(["", "initial", *["3"] * (ROWS - 2)], dtype=object)
+    given["approach"] = np.array(["", "", "initial", *["3"] * (ROWS - 3)], dtype=object)
     given["weather"] = np.array(["fair"] * ROWS, dtype=object)
     backwards = {name: column[::-1] for name, column in given.items()}
     pd.DataFrame(backwards).to_csv(tmp_path / "log.csv", index=False)

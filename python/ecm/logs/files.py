@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError, shown
 from ecm.io.arrays import F
-from ecm.io.columns import is_other_unit
+from ecm.io.columns import TEXT, is_other_unit
 from ecm.io.csv import RawTable, grouped_names, read_lines
 from ecm.io.events import Progress, tell_part
 from ecm.io.extras import read_parquet, readable, require
@@ -274,9 +274,9 @@ def _columns(
             columns[name] = cells
             continue
         values = np.array([number(str(cell), comma) for cell in cells])
-        if np.isfinite(values).mean() > 0.5:
+        if name not in TEXT and np.isfinite(values).mean() > 0.5:
             columns[name] = values
-        elif (found := numbers_in_words(cells, comma)) is not None:
+        elif name not in TEXT and (found := numbers_in_words(cells, comma)) is not None:
             columns[name], units[name], epochs[name] = found
         else:
             text[name] = np.array([str(cell).strip().strip('"') for cell in cells], dtype=object)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import find_unit
+from ecm.io.columns import TEXT, find_unit
 from ecm.io.csv import named_columns, number_of
 from ecm.io.sanity import EPOCH_S
 
@@ -95,7 +95,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
         if own.ndim == 0 or len(own) != rows or np.prod(own.shape[1:]) > MOST_COMPONENTS:
             aside.append(f"{name} {value.shape}" if value.ndim else name)
         elif own.dtype.kind in "OUS" and own.ndim == 1:
-            found = _read_cells(own)
+            found = None if name in TEXT else _read_cells(own)
             if found is None:
                 text[name] = np.array([str(cell) for cell in own], dtype=object)
             else:
