@@ -72,7 +72,7 @@ def way_in(path: Path, meta: Path | None = None) -> Remedy | None:
     if found is None:
         with suppress(EcmError, OSError, ValueError):
             columns = list(read_log(path, ()).log.columns)
-            if not any(read_name(name).may_be_measured for name in columns):
+            if columns and not any(read_name(name).may_be_measured for name in columns):
                 some = ", ".join(f"'{name}'" for name in columns[:3]) + ", ..." * (len(columns) > 3)
                 return Remedy(
                     f"a model needs a pose and a wrench in each row, and here is only {some}: "

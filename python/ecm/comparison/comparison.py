@@ -15,7 +15,7 @@ from ecm.io.events import Progress, Steps
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.errors import residuals_by_block
 from ecm.models.fit import as_model
-from ecm.models.joint_fit import estimate_noise
+from ecm.models.joint_fit import estimate_noise, quieter
 from ecm.models.model import Model
 from ecm.models.prediction import beyond_reach
 from ecm.regression.blas import one_blas_thread
@@ -105,6 +105,8 @@ def compare(
     if noise is None:
         some = Rows(table.subsample(chosen), model.base)
         noise = estimate_noise(some, predicted[chosen], fallback=model.noise)
+        if model.effects and noise.source == "repeats":
+            noise = quieter(some, noise, some.sensor_load, fallback=model.noise)
     scored = table.of_poses
     physical, whitened, variance = (
         values[scored] for values in residuals_by_block(rows, predicted, noise, model.base.error)

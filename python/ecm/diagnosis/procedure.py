@@ -66,6 +66,7 @@ from ecm.errors import EcmError, ModelError
 from ecm.io.arguments import listed
 from ecm.io.table import MetaLike, Table, TableLike, takes_table
 from ecm.models.fit import as_model, choose_base
+from ecm.models.joint_fit import quieter
 from ecm.models.known import KnownMap, known_map
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.measured_poses import has_rows_of_fit
@@ -75,7 +76,7 @@ from ecm.models.refit import addition_to, is_far_behind
 from ecm.models.specimen import of_other_specimen
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
-from ecm.regression.rows import actuators_of, naming_outliers
+from ecm.regression.rows import Rows, actuators_of, naming_outliers
 from ecm.regression.slow_noise import LEAST_ROWS, SlowPart, slow_part
 
 _RELINEARISED = 2
@@ -502,6 +503,11 @@ def begin(
     """Go through the stages up to the noise."""
     table, effects = prepared.unexplained, prepared.effects
     problem = stages.assemble(base, table, effects, noise, settings)
+    if noise is None and prepared.held and problem.noise.source == "repeats":
+        rows = Rows(prepared.table.drop(*prepared.zero_columns), problem.base)
+        alone = quieter(rows, problem.noise, rows.sensor_load)
+        if alone is not problem.noise:
+            problem = stages.assemble(problem.base, table, effects, alone, settings)
     weighed = noise_by_rest(problem) if noise is None else problem.noise
     if weighed is not problem.noise:
         problem = stages.assemble(problem.base, table, effects, weighed, settings)
