@@ -11,15 +11,17 @@ import pytest
 
 import ecm
 from ecm.comparison.residuals import covariates
+from ecm.diagnosis import procedure
 from ecm.diagnosis.procedure import find_missing
 from ecm.diagnosis.summary import _of_unknown, verdict_sentence
-from ecm.effects import effects_for, get_effect, with_shape
+from ecm.effects import Effect, effects_for, get_effect, with_shape
 from ecm.effects.relaxation import StressRelaxation, play
-from ecm.errors import InputError
+from ecm.errors import InputError, Remedy
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from ecm.models.check import lines_by_reason
+from ecm.models.refit import Addition
 from ecm.regression.rows import Rows, derived_columns
 from support.campaigns import campaign
 from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
@@ -859,3 +861,37 @@ def test_a_modulus_that_rises_steeply_when_cold_is_one_that_follows_the_temperat
     better = ecm.refit(spring, table, add=["temperature_modulus"])
     assert ecm.compare(better, table).whitened_rms < 1.5
     np.testing.assert_allclose(float(better.effects[0].effect.shape["curve_K"]), 14.0, rtol=0.1)
+
+
+@pytest.mark.parametrize(("reached", "added"), [(1.6, "higher_degree"), (7.0, "dead_zone")])
+def test_of_a_class_the_member_is_added_with_which_the_model_errs_far_less(
+    monkeypatch: pytest.MonkeyPatch, reached: float, added: str
+) -> None:
+    """A finger that touches a stop: a degree more of all was added, and made fresh rows worse."""
+    random = np.random.default_rng(1)
+    poses = random.uniform(-1.0, 1.0, (40, 3)) * [4e-3, 8e-3, 0.1]
+    at = np.concatenate([random.permutation(40), random.permutation(40)])
+    poses = poses[at]
+    wrench = poses @ np.array([[3000.0, 200.0, 5.0], [200.0, 1500.0, -8.0], [5.0, -8.0, 0.9]])
+    wrench += [2e7, 4e6, 0.4] * poses**3
+    gap = poses[:, 1] + 2e-3
+    stop = 750.0 * (np.hypot(gap, 3e-4) - gap)
+    wrench[:, 1:] -= stop[:, None] * [1.0, 12e-3]
+    wrench += random.standard_normal(wrench.shape) * [0.05, 0.05, 1e-3]
+    names = ("x_m", "y_m", "theta_z_rad", "fx_N", "fy_N", "tau_z_Nm")
+    columns = dict(zip(names, np.hstack([poses, wrench]).T.copy(), strict=True))
+    rig = {"force_sd_N": 0.05, "torque_sd_Nm": 1e-3}
+    rig |= {"pose_position_sd_m": 1e-6, "pose_rotation_sd_rad": 1e-5}
+    columns |= {"pose_id": at, "time_s": 10.0 * np.arange(80.0)}
+    table = ecm.as_table(columns, meta={"instrument": rig})
+    errors = {"dead_zone": 8.0, "higher_degree": reached}
+
+    def addition(model: object, table: object, effects: list[Effect], *_: object, **__: object):
+        (id,) = (effect.id for effect in effects)
+        return Addition((id,), 10.0, errors[id], "", Remedy("add it", f"add {id}"))
+
+    monkeypatch.setattr(procedure, "addition_to", addition)
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.answer == (("dead_zone", "higher_degree"),)
+    assert found.addition is not None
+    assert found.addition.effects == (added,)

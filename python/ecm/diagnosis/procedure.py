@@ -299,13 +299,25 @@ def diagnose(
         if not named:
             return found
         richer = _far_better_degree(decision, model.base)
-        base = decision.problem.base
+        base, others = decision.problem.base, _other_members(decision)
         kept = base.keeps if isinstance(base, KnownMap) else ""
         del decision  # its rows, whitened, are most of the memory
         added = addition_to(model, table, named, richer, base.name, freeze=kept)
+        for place, member in others if found.answer else ():
+            instead = [*named[:place], member, *named[place + 1 :]]
+            other = addition_to(model, table, instead, richer, base.name, freeze=kept)
+            if other is not None and (added is None or other.is_better(added)):
+                named, added = instead, other
         if not found.answer and (added is None or added.refused or added.remedy is None):
             return found
         return replace(found, addition=added)
+
+
+def _other_members(decision: Decision) -> list[tuple[int, Effect]]:
+    """Return the other members of each class, in their best shapes, with its place."""
+    shapes = {one.id: one.candidate.effect for one in decision.ranking}
+    classes = enumerate(decision.accepted.classes)
+    return [(i, shapes[id]) for i, members in classes for id in members[1:] if id in shapes]
 
 
 def _nearest(decision: Decision) -> list[Effect]:

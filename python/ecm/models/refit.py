@@ -606,6 +606,21 @@ class Addition:
     removed: tuple[str, ...] = ()
     """Effects of the model in whose place they come: beside them the rows do not need these."""
 
+    def is_better(self, other: Addition) -> bool:
+        """Whether the given model takes it and errs clearly less with it than with another.
+
+        Examples
+        --------
+        >>> stop = Addition(("kink",), 22.1, 11.8, "", None)
+        >>> smooth = Addition(("higher_degree",), 22.1, 48.1, "it is worse", None)
+        >>> stop.is_better(smooth), smooth.is_better(stop)
+        (True, False)
+        """
+        if self.refused or self.after is None:
+            return False
+        taken = not other.refused and other.after is not None
+        return not taken or is_far_less(self.after, cast(float, other.after))
+
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""
         return {
