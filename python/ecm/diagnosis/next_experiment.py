@@ -484,7 +484,9 @@ def continued(table: Table, predicted: Table, meta: Meta) -> Table:
         [table.column("run") if table.has("run") else np.zeros(len(table)), predicted.column("run")]
     )
     # The chosen rows of a large table stand for its history.
-    return replace(table, columns=columns, meta=meta, sampled_from=None, sampled_rows=None)
+    return replace(
+        table, columns=columns, meta=meta, sampled_from=None, sampled_rows=None, file_rows=None
+    )
 
 
 def _continued(table: Table, name: str, predicted: Table) -> NDArray[Any]:

@@ -170,25 +170,20 @@ class _Place:
         left = self.columns(shape)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ self.left)):
             return -np.inf
-        own = orthonormal(left)
+        own, size = orthonormal(left), self.left.size
         rest = float(self.left @ self.left) - float(((own.T @ self.left) ** 2).sum())
-        return _likelihood(rest, self.left.size, shape)
+        variance = max(1.0, rest / size)
+        return -size * math.log(variance) - rest / variance - len(shape.parameters) * math.log(size)
 
-    def fitted(self, shape: Effect) -> float:
-        """The same of what the shape leaves at its fitted size."""
-        left = self.fit(shape).whitened
-        return _likelihood(float((left**2).sum()), left.size, shape)
+    def left_by(self, shape: Effect) -> float:
+        """Squares that a shape leaves at its fitted size."""
+        return float((self.fit(shape).whitened ** 2).sum())
 
     def foretells_better(self, richer: Effect, plain: Effect) -> bool:
         """Whether a richer shape foretells the parts of the rows better than a plain one."""
         parts = [held_out_by_part(self.fit(shape)) for shape in (plain, richer)]
         squares = [part[0] for part in parts if part is not None]
         return len(squares) == 2 and holds_out(*squares)
-
-
-def _likelihood(squares: float, size: int, shape: Effect) -> float:
-    variance = max(1.0, squares / size)
-    return -size * math.log(variance) - squares / variance - len(shape.parameters) * math.log(size)
 
 
 def best_shape(
@@ -206,8 +201,8 @@ def best_shape(
 
     Of its variants and what lies between them; of those that a controller can step where they
     explain more or foretell better, and of its richer forms where held-out rows ask for one. The
-    present shape stays unless another explains more at its fitted size: tangents at none tell
-    little of a large effect.
+    present shape stays unless another of as many parameters leaves less at its fitted size:
+    tangents at none tell little of a large effect.
     """
     whole = table.full
     variants = effect.variants(whole)
@@ -215,7 +210,8 @@ def best_shape(
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
     best = _best_by_tangent(place, variants, effect, whole)
-    if present is None or best == present or place.fitted(best) > place.fitted(present):
+    alike = present is not None and len(present.parameters) == len(best.parameters)
+    if present is None or not alike or place.left_by(best) < place.left_by(present):
         return best
     return present
 
