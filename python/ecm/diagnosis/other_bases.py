@@ -106,7 +106,7 @@ def against_other_bases(
     if known is not None and error_of(known).beyond <= error_of(first).beyond:
         decision = known
     for base in bases_to_try(model, first):
-        pair = _Pair(first, base, decision, given=_is_of_form(base, whole_map(model.base)))
+        pair = _Pair(first, base, decision, given=_is_of_form(base, model.base))
         if pair.may_be_better():
             again = against(base)
             decision = again if pair.is_better(again) else decision
@@ -149,9 +149,8 @@ def bases_to_try(model: Model, first: Decision) -> list[StiffnessMap]:
     elif left > NEAR_NOISE * noise:
         makers += _other_forms(whole_map(model.base), first)
         sized = _of_other_sizes(first)
-    elif isinstance(base, EnergyMap) and isinstance(given := whole_map(model.base), EnergyMap):
-        # At the noise names stand, but against what was given: an energy of as few terms.
-        makers += [partial(energy_with, cast(Symmetry, given.model.symmetry), table)]
+    elif symmetry_of(base) == "alike" and symmetry_of(model.base) == "revolution":
+        makers.append(partial(energy_with, "revolution", table))  # which was given, at the noise
     found: dict[str, StiffnessMap] = {}
     for make in makers:
         with suppress(ModelError, InputError):  # the rows do not hold its coefficients

@@ -157,12 +157,12 @@ def fit_with_sizes(base: PhysicsMap, table: Table, noise: Noise) -> JointFit | N
             continue
         # Of a slender rod nothing but the shear tells a diameter from E and nu.
         sure = isinstance(fit.base, PhysicsMap) and _NU not in _at_limit(fit.base)
-        if found is None or (sure and beyond_noise(fit) < BETTER * beyond_noise(found)):
+        if found is None or (sure and _beyond_noise(fit) < BETTER * _beyond_noise(found)):
             found = fit
     return found
 
 
-def beyond_noise(fit: JointFit) -> float:
+def _beyond_noise(fit: JointFit) -> float:
     """Mean square over the noise beyond it."""
     return max(float((fit.whitened**2).mean()) - 1.0, 0.0)
 
