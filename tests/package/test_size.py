@@ -9,10 +9,10 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (44_982, 205),
+    "python/ecm": (45_009, 205),
     "benches": (6_085, 53),
     "examples": (1_516, 13),
-    "tests": (36_591, 240),
+    "tests": (36_640, 240),
     "crates": (34_627, 198),
 }
 """Lines and files of each part; a change that needs fewer lowers its limit. The last rise:

@@ -177,7 +177,7 @@ def _by_another_clock(model: Model, table: Table, *, of_fit: bool) -> Iterator[s
             rows = f"{before.sum()} of these rows, up to that, are"
             last = (
                 f"; where it did not come, ecm refit MODEL DATA --remove {item.id} --out "
-                "MODEL.json makes the model without it"
+                "MODEL.json is the model without it"
             )
         yield (
             f"{item.id} acts after {moment:g} s by the clock of its fit: {rows} predicted as if "
