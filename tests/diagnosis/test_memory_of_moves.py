@@ -102,7 +102,6 @@ def test_two_time_constants_beside_dwell_times_are_one_relaxation() -> None:
     assert said.held_out.after < 0.4 * said.held_out.before, said.held_out
 
 
-@pytest.mark.parametrize("hidden", ["jump", ""])
 def rubber(friction_N: float, softening: float) -> Table:
     """A log of a spring with two relaxations, friction of its guide, and a first loading that is
     stiffer."""
@@ -144,6 +143,7 @@ def test_an_effect_more_takes_no_shape_from_the_others() -> None:
     assert more.history[-1].held_out < 0.95 * model.history[-1].held_out
 
 
+@pytest.mark.parametrize("hidden", ["jump", ""])
 def test_an_effect_that_takes_all_beside_that_of_the_model_is_another_cause(hidden: str) -> None:
     """It had no name while it explained little of what the relaxation does."""
     random = np.random.default_rng(1)
