@@ -11,7 +11,7 @@ import re
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ecm._native import DesignError, EcmError, FemError, ModelError
@@ -81,7 +81,7 @@ class Remedy:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: `words`, `command` and `force`."""
-        return asdict(self)
+        return {"words": self.words, "command": self.command, "force": self.force}
 
     def __str__(self) -> str:
         """The words, and the command on a line of its own."""

@@ -324,9 +324,17 @@ def _better_base(fitted: Model, table: Table) -> tuple[str, float] | None:
     return base
 
 
+@dataclass(frozen=True)
+class OtherBase(Remedy):
+    """The command that fits another base with effects."""
+
+    held_out: float = np.inf
+    """Error over the noise of what it fits."""
+
+
 def remedy_with_base(
     name: str, effects: Sequence[Effect], table: Table, most_error: float = np.inf
-) -> Remedy | None:
+) -> OtherBase | None:
     """The command that fits a base with effects; None where it would be refused, or errs more.
 
     Parameters
@@ -348,10 +356,11 @@ def remedy_with_base(
     except (EcmError, np.linalg.LinAlgError):
         return None
     added = "".join(f" --add {effect.id}" for effect in effects)
-    return Remedy(
+    return OtherBase(
         f"fit {found.name.replace('+', ' with ', 1).replace('+', ' and ')}, which errs {error:.3g} "
         f"times {found.noise.unit} on held-out rows",
         f"ecm fit DATA --model {name}{added} --out OUT",
+        held_out=error,
     )
 
 
@@ -361,7 +370,7 @@ _ROWS_OF_OTHERS = 2000
 
 def _base_that_holds(
     fitted: Model, effects: Sequence[Effect], table: Table, most: float
-) -> tuple[str, Remedy] | None:
+) -> tuple[str, OtherBase] | None:
     """The first of other bases that holds these effects and errs no more than that, if one does."""
     six = table.has(*POSE, *WRENCH[:3])
     names = ["physics"] if table.physics_body is not None and six else []
@@ -607,7 +616,9 @@ class Addition:
     """Effects of the model in whose place they come: beside them the rows do not need these."""
 
     def is_better(self, other: Addition) -> bool:
-        """Whether the given model takes it and errs clearly less with it than with another.
+        """Whether the given model takes it and errs far less than by the command of another.
+
+        Less is enough where it does not take the other.
 
         Examples
         --------
@@ -618,8 +629,12 @@ class Addition:
         """
         if self.refused or self.after is None:
             return False
-        taken = not other.refused and other.after is not None
-        return not taken or is_far_less(self.after, cast(float, other.after))
+        reached = None if other.refused else other.after
+        if isinstance(other.remedy, OtherBase):
+            reached = other.remedy.held_out
+        if reached is None or other.refused:
+            return self.after < (np.inf if reached is None else reached)
+        return is_far_less(self.after, reached)
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""
