@@ -9,7 +9,7 @@ import pytest
 from size import PARTS, python_lines, rust_lines, size_of
 
 LIMITS = {
-    "python/ecm": (45_009, 205),
+    "python/ecm": (45_017, 205),
     "benches": (6_085, 53),
     "examples": (1_516, 13),
     "tests": (36_640, 240),
