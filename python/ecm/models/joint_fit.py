@@ -622,17 +622,17 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     return prior if estimated is None else estimated
 
 
-def quieter(rows: Rows, noise: Noise, *predictions: F, fallback: Noise | None = None) -> Noise:
+def quieter(rows: Rows, noise: Noise, predicted: F, *, fallback: Noise | None = None) -> Noise:
     """The least noise of the rows: this one, or that beside another prediction of their readings.
 
     Repeats scatter more beside an effect of time of other rows that does not act in these.
     """
-    others = [estimate_noise(rows, one, fallback=fallback) for one in predictions]
+    other = estimate_noise(rows, predicted, fallback=fallback)
 
     def size(one: Noise) -> float:
         return float(np.linalg.slogdet(one.covariance(rows))[1].mean())
 
-    return min((noise, *others), key=size)
+    return min(noise, other, key=size)
 
 
 def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:

@@ -629,12 +629,11 @@ class Addition:
         """
         if self.refused or self.after is None:
             return False
-        reached = None if other.refused else other.after
-        if isinstance(other.remedy, OtherBase):
-            reached = other.remedy.held_out
-        if reached is None or other.refused:
-            return self.after < (np.inf if reached is None else reached)
-        return is_far_less(self.after, reached)
+        if other.refused:
+            way = other.remedy
+            return self.after < (way.held_out if isinstance(way, OtherBase) else np.inf)
+        reached = other.remedy.held_out if isinstance(other.remedy, OtherBase) else other.after
+        return reached is None or is_far_less(self.after, reached)
 
     def to_dict(self) -> dict[str, Any]:
         """For the report: plain values."""

@@ -210,8 +210,9 @@ def best_shape(
         return variants[0]
     place = _Place(base, others, table, noise, freeze_base, kept)
     best = _best_by_tangent(place, variants, effect, whole)
-    alike = present is not None and len(present.parameters) == len(best.parameters)
-    if present is None or not alike or place.left_by(best) < place.left_by(present):
+    if present is None or len(present.parameters) != len(best.parameters):
+        return best
+    if best.shape != present.shape and place.left_by(best) < place.left_by(present):
         return best
     return present
 
